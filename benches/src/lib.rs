@@ -1,0 +1,1 @@
+//! Tasks and generators that the benches share. Holds no measurement itself.

@@ -1,0 +1,11 @@
+//! A complete STRIPS oracle: PDDL text in; plans, counts, verdicts and training records out.
+//!
+//! Modules in the order of their dependencies, each importing only those before it:
+//! `span` ← `pddl` ← `task` ← `plan` ← `search`, `validate` ← `text`, `augment`, `negative` ← `record`.
+//!
+//! Knows no Python, no Parquet and no command line: text and numbers in, values out.
+
+pub mod pddl;
+pub mod random;
+pub mod span;
+pub mod task;
