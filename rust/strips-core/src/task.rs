@@ -4,11 +4,14 @@
 //! operator can change are compiled away from conditions and kept apart, in [`Task::static_facts`], because states are
 //! printed whole. Nothing else is dropped: an operator that is applicable in some reachable state is in the task.
 
+pub mod limits;
+mod names;
 pub mod state;
 
 use std::sync::Arc;
 
 use crate::pddl::ast::{ActionId, Domain, GroundAtom, ObjectId, Problem, index};
+pub use limits::{LimitError, Limits, Watch};
 pub use state::State;
 
 index!(/** Position in [`Task::facts`]. */ FactId);
