@@ -2,7 +2,19 @@
 //!
 //! Converts, detaches from the interpreter, calls `strips_core`, converts back. Holds no algorithm.
 
+mod error;
+
 use pyo3::pymodule;
 
 #[pymodule]
-mod _native {}
+mod _native {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::error::{DataError, LimitError, PddlError};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

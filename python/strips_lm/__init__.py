@@ -1,0 +1,9 @@
+"""A complete STRIPS oracle, and language-model planners checked by it.
+
+The oracle is here and needs numpy alone. Learning lives in the modules `tokenizer`, `dataset`, `model`, `train`,
+`generate` and `evaluate`, which import torch; this one never does.
+"""
+
+from strips_lm._native import DataError, LimitError, PddlError, __version__
+
+__all__ = ["DataError", "LimitError", "PddlError", "__version__"]
