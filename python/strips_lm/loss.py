@@ -1,0 +1,75 @@
+"""The two losses of the report, as sums that add up over any cut of a step into batches.
+
+LM: the cross-entropy of the scored tokens, divided by the scored tokens of the whole optimisation step.
+Multiple choice: the cross-entropy over the choices of a pair, read at each choice's last token, divided by the
+pairs of the whole step. L = lm_weight * L_lm + mc_weight * L_mc. Sums over batches, accumulation steps and processes
+are therefore the same number whatever the cut. Only scored positions reach the LM head.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import torch
+from torch.nn import functional as F
+
+from strips_lm.forward import hidden_at
+from strips_lm.lstm import LstmLMHeadModel
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+    from strips_lm.batches import Batch
+
+
+@dataclass(frozen=True, slots=True)
+class Losses:
+    """Summed losses of one batch, with what they were summed over."""
+
+    lm: Tensor
+    """Sum of the cross-entropies (nats) of the scored tokens."""
+    mc: Tensor
+    """Sum of the cross-entropies (nats) over each pair's choices."""
+    tokens: int
+    """Scored tokens of this batch."""
+    pairs: int
+    """Pairs of this batch."""
+    right: Tensor
+    """Pairs whose positive scored highest."""
+
+
+def batch_losses(model: nn.Module, batch: Batch, dtype: torch.dtype = torch.float32) -> Losses:
+    """Both losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
+    tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
+    hidden = _hidden(model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype)
+    lm = _lm_sum(model, hidden[:tokens], batch.lm_labels)
+    if pairs == 0:
+        return Losses(lm, lm.new_zeros(()), tokens, 0, lm.new_zeros(()))
+    logits = model.multiple_choice_head.summary(hidden[tokens:].to(_weight_type(model))).view(pairs, -1)
+    mc = F.cross_entropy(logits, batch.mc_labels, reduction="sum")
+    right = (logits.argmax(dim=-1) == batch.mc_labels).sum()
+    return Losses(lm, mc, tokens, pairs, right)
+
+
+def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float, mc_weight: float) -> Tensor:
+    """This batch's share of the step's loss L = lm_weight * L_lm + mc_weight * L_mc."""
+    return losses.lm * (lm_weight / max(step_tokens, 1)) + losses.mc * (mc_weight / max(step_pairs, 1))
+
+
+def _hidden(model: nn.Module, batch: Batch, at: Tensor, dtype: torch.dtype) -> Tensor:
+    if isinstance(model, LstmLMHeadModel):
+        return model.hidden_at(batch.input_ids, at)
+    return hidden_at(model.transformer, batch.input_ids, batch.position_ids, at, dtype)
+
+
+def _lm_sum(model: nn.Module, hidden: Tensor, labels: Tensor) -> Tensor:
+    weight = model.lm_head.weight.to(hidden.dtype)
+    bias = getattr(model.lm_head, "bias", None)
+    logits = F.linear(hidden, weight, None if bias is None else bias.to(hidden.dtype))
+    return F.cross_entropy(logits.to(_weight_type(model)), labels, reduction="sum")
+
+
+def _weight_type(model: nn.Module) -> torch.dtype:
+    """The parameters' own type: losses are computed in it, whatever the layers ran in."""
+    return model.lm_head.weight.dtype

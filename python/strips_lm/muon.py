@@ -1,0 +1,101 @@
+"""Muon for the matrices inside the network, AdamW for the rest, in one optimiser of our own.
+
+Muon (Jordan et al. 2024) replaces a matrix's momentum by its nearest semi-orthogonal matrix, found by five
+Newton-Schulz steps, so that every direction moves by the same amount. Matrices of one shape are stacked and
+orthogonalised together, and GPT-2's fused query-key-value matrix is taken apart first: each third is a map of its
+own. Embeddings, heads, norms and biases follow AdamW. State: one momentum a matrix, two moments for the rest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch.optim import Optimizer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from torch import Tensor, nn
+
+NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
+"""Coefficients of the quintic step, tuned by Muon's author for steep growth of small singular values."""
+
+
+def orthogonalise(matrices: Tensor, steps: int = 5) -> Tensor:
+    """Approximate U Vᵀ of each matrix U S Vᵀ in a stack (count, rows, columns); singular values end in about 0.7..1.2."""
+    tall = matrices.shape[-2] > matrices.shape[-1]
+    x = matrices.mT if tall else matrices
+    x = x / (x.norm(dim=(-2, -1), keepdim=True) + 1e-7)
+    a, b, c = NEWTON_SCHULZ
+    for _ in range(steps):
+        gram = x @ x.mT
+        x = a * x + (b * gram + c * gram @ gram) @ x
+    return x.mT if tall else x
+
+
+class MuonAdamW(Optimizer):
+    """One step: Muon on groups with `muon=True`, AdamW on the others."""
+
+    def __init__(self, groups: list[dict[str, Any]], betas: tuple[float, float], eps: float, momentum: float) -> None:
+        """Groups carry `params`, `lr`, `weight_decay`, `muon` and, for Muon, `parts` (thirds of a fused matrix)."""
+        defaults = {"lr": 1e-3, "weight_decay": 0.0, "muon": False, "parts": 1}
+        super().__init__(groups, {**defaults, "betas": betas, "eps": eps, "momentum": momentum})
+
+    @torch.no_grad()
+    def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]
+        """Update every parameter that has a gradient."""
+        if closure is not None:
+            closure()
+        for group in self.param_groups:
+            (self._muon if group["muon"] else self._adamw)(group)
+
+    def _muon(self, group: dict[str, Any]) -> None:
+        by_shape: dict[tuple[int, ...], list[tuple[Tensor, Tensor]]] = {}
+        for parameter in group["params"]:
+            if parameter.grad is not None:
+                direction = self._nesterov(parameter, group["momentum"])
+                for target, part in zip(*(t.chunk(group["parts"], dim=1) for t in (parameter, direction)), strict=True):
+                    by_shape.setdefault(tuple(part.shape), []).append((target, part))
+        for (rows, columns), members in by_shape.items():
+            updates = orthogonalise(torch.stack([part for _, part in members]).to(_newton_type(members[0][0])))
+            scale = group["lr"] * max(1.0, columns / rows) ** 0.5
+            for (target, _), update in zip(members, updates, strict=True):
+                target.mul_(1.0 - group["lr"] * group["weight_decay"]).add_(update.to(target.dtype), alpha=-scale)
+
+    def _nesterov(self, parameter: Tensor, momentum: float) -> Tensor:
+        state = self.state[parameter]
+        if not state:
+            state["momentum"] = torch.zeros_like(parameter)
+        state["momentum"].lerp_(parameter.grad, 1.0 - momentum)
+        return parameter.grad.lerp(state["momentum"], momentum)
+
+    def _adamw(self, group: dict[str, Any]) -> None:
+        first, second = group["betas"]
+        for parameter in group["params"]:
+            if parameter.grad is None:
+                continue
+            state = self.state[parameter]
+            if not state:
+                state.update(step=torch.zeros(()), mean=torch.zeros_like(parameter), square=torch.zeros_like(parameter))
+            state["step"] += 1
+            state["mean"].lerp_(parameter.grad, 1.0 - first)
+            state["square"].mul_(second).addcmul_(parameter.grad, parameter.grad, value=1.0 - second)
+            count = float(state["step"])
+            root = (state["square"] / (1.0 - second**count)).sqrt_().add_(group["eps"])
+            parameter.mul_(1.0 - group["lr"] * group["weight_decay"])
+            parameter.addcdiv_(state["mean"], root, value=-group["lr"] / (1.0 - first**count))
+
+
+def _newton_type(parameter: Tensor) -> torch.dtype:
+    """bfloat16 is enough for Newton-Schulz; small float64 models of the tests keep their type."""
+    return torch.bfloat16 if parameter.dtype == torch.float32 else parameter.dtype
+
+
+def split_parameters(model: nn.Module) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
+    """(fused query-key-value matrices, other inner matrices, everything else) of a model, tied weights once."""
+    fused, matrices, rest = [], [], []
+    for name, parameter in model.named_parameters():
+        inner = parameter.ndim == 2 and (".h." in name or name.startswith("lstm."))
+        (fused if inner and "c_attn" in name else matrices if inner else rest).append(parameter)
+    return fused, matrices, rest
