@@ -39,6 +39,16 @@ class TokenizerConfig:
 
     kind: Literal["canonical", "bpe"] = "canonical"
     """`canonical`: the lossless rewriting and a small vocabulary of words; `bpe`: byte-level BPE over the text."""
+    source: str = ""
+    """`bpe`: a pre-trained tokenizer's name or folder (`gpt2`); empty trains one on the corpus."""
+    vocab_size: int = 1024
+    """`bpe` trained on the corpus: its vocabulary, our special tokens among them."""
+    max_slots: int = 32
+    """`canonical`: slots for objects; a problem with more of them cannot be tokenized."""
+
+    def __post_init__(self) -> None:
+        check(self.vocab_size >= 300, "`tokenizer.vocab_size` must be at least 300: 256 bytes and the special tokens")
+        check(self.max_slots > 0, "`tokenizer.max_slots` must be positive")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,11 +57,98 @@ class ModelConfig:
 
     kind: Literal["double-head", "lm-head", "lstm"] = "double-head"
     """Which of the three models."""
+    layers: int = 4
+    """Transformer blocks, or LSTM layers."""
+    width: int = 128
+    """Width of the hidden states."""
+    heads: int = 4
+    """Attention heads."""
+    inner: int = 0
+    """Width inside a block's feed-forward part; 0 is four times `width`."""
+    context: int = 1024
+    """Positions that the model has; longer records are left out, and counted."""
+    activation: Literal["gelu_new", "relu", "relu2"] = "gelu_new"
+    """The feed-forward part's activation, by its name in transformers."""
+    dropout: float = 0.0
+    """Dropout of attention, residuals and embeddings."""
+    tied: bool = True
+    """Whether the output layer is the embedding's transpose, as in GPT-2."""
+    positions: Literal["sinusoid", "normal"] = "sinusoid"
+    """What learned positions start from."""
+    initial: str = ""
+    """A checkpoint's name or folder to start from; empty starts from random weights."""
+
+    def __post_init__(self) -> None:
+        check(min(self.layers, self.width, self.heads, self.context) > 0, "the sizes in `model` must be positive")
+        check(self.width % self.heads == 0, "`model.heads` must divide `model.width`")
+        check(0.0 <= self.dropout < 1.0, "`model.dropout` must be at least 0 and less than 1")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrainConfig:
     """The training loop."""
+
+    steps: int = 0
+    """Optimisation steps; 0 leaves the end to `minutes`."""
+    minutes: float = 5.0
+    """Wall-clock budget; 0 leaves the end to `steps`. Where both are given the earlier ends the run."""
+    step_tokens: int = 4096
+    """Tokens an optimisation step (prompts, plans and negatives), over all processes."""
+    step_pairs: int = 0
+    """Records an optimisation step instead of `step_tokens`; 0 counts tokens."""
+    batch_tokens: int = 8192
+    """Padded tokens that go through the model at once; a step is cut into as many batches as it takes."""
+    optimizer: Literal["muon", "adam"] = "muon"
+    """`muon`: Muon for inner matrices and AdamW for the rest; `adam`: Adam with decoupled weight decay for all."""
+    lr: float = 2e-3
+    """Peak learning rate of Adam's parameters."""
+    matrix_lr: float = 0.02
+    """Peak learning rate of Muon's matrices."""
+    betas: tuple[float, ...] = (0.9, 0.95)
+    """Adam's decay rates."""
+    eps: float = 1e-8
+    """Adam's epsilon."""
+    momentum: float = 0.95
+    """Muon's momentum."""
+    weight_decay: float = 0.0
+    """Decoupled weight decay."""
+    clip: float = 1.0
+    """Largest norm of the gradient; 0 does not clip."""
+    warmup: float = 0.02
+    """Share of the run in which the learning rate rises."""
+    cooldown: float = 0.6
+    """Share of the run, at its end, in which the learning rate falls in a straight line to zero."""
+    lm_weight: float = 1.0
+    """Weight of the language-model loss."""
+    mc_weight: float = 2.0
+    """Weight of the multiple-choice loss."""
+    mc_share: float = 1.0
+    """Share of the records that bring their negative along for the multiple-choice loss."""
+    mc_start: float = 0.0
+    """Share of the run after which negatives come along."""
+    position_offset: int = 0
+    """Each record starts at a random position of 0 to this, so that plans longer than the training's are no news."""
+    renumber_slots: bool = True
+    """`canonical`: train on random increasing slot numbers, so that more objects than the training's are no news."""
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    """Type that the layers run in; `auto` is bfloat16 where the processor has instructions for it."""
+    compile: bool = False
+    """Whether `torch.compile` compiles the forward pass (pays on a GPU)."""
+    evaluate_every: float = 0.1
+    """Share of the run between two measurements on the validation split; the best checkpoint is the lowest loss."""
+    validation_records: int = 1000
+    """Records of the validation split that are measured."""
+    save_minutes: float = 2.0
+    """Minutes between two writes of the last checkpoint; it is also written at the end and on a signal."""
+    trackers: tuple[str, ...] = ()
+    """Accelerate's trackers to log to, such as `tensorboard`; `metrics.jsonl` is always written."""
+
+    def __post_init__(self) -> None:
+        check(self.steps > 0 or self.minutes > 0.0, "`train.steps` or `train.minutes` must be positive")
+        check(min(self.step_tokens, self.batch_tokens) > 0, "`train.step_tokens` and `train.batch_tokens` are positive")
+        check(len(self.betas) == 2, "`train.betas` are two numbers")
+        check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
+        check(0.0 <= self.mc_share <= 1.0, "`train.mc_share` is a share")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
