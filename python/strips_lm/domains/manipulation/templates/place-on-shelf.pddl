@@ -1,0 +1,20 @@
+; Puts ?a, which is on the table, onto the shelf ?s. A distractor may stand on ?a and have to go first.
+(define (template place-on-shelf)
+  (:domain manipulation)
+  (:parameters ?a - (either movable tool) ?s - fixture)
+  (:distractors 0 2
+    (?d - (either movable tool)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d))
+             (and (on ?d ?a) (inworkspace ?d))
+             (on ?d table)))
+    (?d - (either vessel container)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d)))
+      (oneof (opened ?d) (and))))
+  (:init
+    (inworkspace table)
+    (inworkspace ?s)
+    (inworkspace ?a)
+    (on ?a table))
+  (:goal (on ?a ?s)))

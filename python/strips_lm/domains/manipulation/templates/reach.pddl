@@ -1,0 +1,20 @@
+; Pulls ?a, which stands beyond the workspace, within reach with the tool ?t, then puts it on the shelf ?s.
+(define (template reach)
+  (:domain manipulation)
+  (:parameters ?a - (either movable tool) ?t - tool ?s - fixture)
+  (:distractors 0 2
+    (?d - (either movable tool)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d))
+             (on ?d table)))
+    (?d - (either vessel container)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d)))
+      (oneof (opened ?d) (and))))
+  (:init
+    (inworkspace table)
+    (inworkspace ?s)
+    (on ?a table)
+    (inworkspace ?t)
+    (oneof (on ?t table) (on ?t ?s) (inhand ?t)))
+  (:goal (on ?a ?s)))

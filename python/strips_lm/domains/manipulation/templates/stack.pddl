@@ -1,0 +1,22 @@
+; Puts ?b on the table and ?a on top of it; both come from the shelf ?s, perhaps stacked the other way round.
+(define (template stack)
+  (:domain manipulation)
+  (:parameters ?a - (either movable tool) ?b - movable ?s - fixture)
+  (:distractors 0 2
+    (?d - (either movable tool)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d))
+             (on ?d table)))
+    (?d - (either vessel container)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d)))
+      (oneof (opened ?d) (and))))
+  (:init
+    (inworkspace table)
+    (oneof (and) (inworkspace ?s))
+    (inworkspace ?a)
+    (inworkspace ?b)
+    (oneof (and (on ?a ?s) (on ?b ?s))
+           (and (on ?a ?b) (on ?b ?s))
+           (and (on ?b ?a) (on ?a ?s))))
+  (:goal (and (on ?a ?b) (on ?b table))))

@@ -1,0 +1,21 @@
+; Opens the container ?b, puts ?a in and closes it again.
+(define (template store-away)
+  (:domain manipulation)
+  (:parameters ?a - (either movable tool) ?b - container ?s - fixture)
+  (:distractors 0 2
+    (?d - (either movable tool)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d))
+             (on ?d table)))
+    (?d - (either vessel container)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d)))
+      (oneof (opened ?d) (and))))
+  (:init
+    (inworkspace table)
+    (inworkspace ?s)
+    (inworkspace ?a)
+    (oneof (on ?a table) (on ?a ?s))
+    (inworkspace ?b)
+    (oneof (on ?b table) (on ?b ?s)))
+  (:goal (and (in ?a ?b) (not (opened ?b)))))

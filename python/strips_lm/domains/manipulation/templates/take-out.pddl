@@ -1,0 +1,22 @@
+; Takes ?a out of the closed container ?b, puts it on the table and closes ?b again.
+(define (template take-out)
+  (:domain manipulation)
+  (:parameters ?a - (either movable tool) ?b - container ?s - fixture)
+  (:distractors 0 2
+    (?d - (either movable tool)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d))
+             (and (in ?d ?b) (inworkspace ?d))
+             (on ?d table)))
+    (?d - (either vessel container)
+      (oneof (and (on ?d table) (inworkspace ?d))
+             (and (on ?d ?s) (inworkspace ?d)))
+      (oneof (opened ?d) (and))))
+  (:init
+    (inworkspace table)
+    (inworkspace ?s)
+    (inworkspace ?a)
+    (in ?a ?b)
+    (inworkspace ?b)
+    (oneof (on ?b table) (on ?b ?s)))
+  (:goal (and (on ?a table) (not (opened ?b)))))
