@@ -1,0 +1,166 @@
+"""A static-cache decoder for GPT-2-shaped weights: token ids in, next-token logits out.
+
+It reads the weights of a transformers GPT-2 (any of its heads) and runs them as plain batched matrix products over a
+cache that is allocated once. Rows are aligned to the left and padded to the right: a row's tokens always sit at positions
+0, 1, 2, …, so padding is never attended to and needs no correction. One call, `feed`, is prefill, step and chunk alike.
+
+Price: one step costs O(rows × positions × width) for the attention, whatever the padding; the cache holds
+2 × layers × rows × positions × width numbers. It knows no text, no sampling and no stopping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import torch
+import torch.nn.functional as F
+from transformers.activations import ACT2FN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from torch import Tensor, nn
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """The weights of one transformer block, as views on the model's own parameters."""
+
+    norm_1: tuple[Tensor, Tensor]
+    attention: tuple[Tensor, Tensor]
+    projection: tuple[Tensor, Tensor]
+    norm_2: tuple[Tensor, Tensor]
+    widen: tuple[Tensor, Tensor]
+    narrow: tuple[Tensor, Tensor]
+    scale: float
+
+
+def _pair(module: nn.Module) -> tuple[Tensor, Tensor]:
+    """A module's weight and bias, without their gradients."""
+    weight, bias = module.weight, module.bias
+    return weight.detach(), bias.detach()  # type: ignore[operator, union-attr, return-value]
+
+
+def _read_layer(block: Any, index: int, config: Any) -> Layer:
+    """The weights of `block`, the `index`-th of the model."""
+    scale = (config.n_embd // config.n_head) ** -0.5 if config.scale_attn_weights else 1.0
+    if config.scale_attn_by_inverse_layer_idx:
+        scale /= index + 1
+    return Layer(
+        norm_1=_pair(block.ln_1),
+        attention=_pair(block.attn.c_attn),
+        projection=_pair(block.attn.c_proj),
+        norm_2=_pair(block.ln_2),
+        widen=_pair(block.mlp.c_fc),
+        narrow=_pair(block.mlp.c_proj),
+        scale=scale,
+    )
+
+
+class Gpt2Decoder:
+    """Next-token logits of a GPT-2 model over rows of a static cache.
+
+    `model` is any transformers model with a `transformer` (GPT2Model) and an `lm_head`; its weights are shared, not copied.
+    `lengths[row]` tells how many tokens of a row the cache holds.
+    """
+
+    def __init__(self, model: Any, rows: int) -> None:
+        """A decoder with an empty cache of `rows` rows."""
+        body, self.config = model.transformer, model.config
+        self.layers = [_read_layer(block, i, self.config) for i, block in enumerate(body.h)]
+        self.tokens, self.places = body.wte.weight.detach(), body.wpe.weight.detach()
+        self.norm, self.head = _pair(body.ln_f), model.lm_head.weight.detach()
+        self.activation: Callable[[Tensor], Tensor] = _activation(self.config.activation_function)
+        self.context: int = self.config.n_positions
+        self.lengths = torch.zeros(rows, dtype=torch.long, device=self.tokens.device)
+        self.keys = [self._room(rows, 0) for _ in self.layers]
+        self.values = [self._room(rows, 0) for _ in self.layers]
+
+    def _room(self, rows: int, positions: int) -> Tensor:
+        """An empty cache of one layer: (rows, heads, positions, width of a head)."""
+        heads = self.config.n_head
+        return self.tokens.new_zeros(rows, heads, positions, self.config.n_embd // heads)
+
+    def _reserve(self, positions: int) -> None:
+        """Room for `positions` positions in every row, growing by half so that the copies stay O(1) a token."""
+        have = self.keys[0].shape[2]
+        if positions <= have:
+            return
+        room = min(max(positions, have + have // 2, 64), max(positions, self.context))
+        for caches in (self.keys, self.values):
+            for i, old in enumerate(caches):
+                caches[i] = self._room(old.shape[0], room)
+                caches[i][:, :, :have] = old
+
+    def move(self, sources: Tensor, targets: Tensor) -> None:
+        """Copy the rows `sources` over the rows `targets`."""
+        if len(sources) == 0:
+            return
+        used = int(self.lengths[sources].max())
+        for cache in (*self.keys, *self.values):
+            cache[targets, :, :used] = cache[sources, :, :used]
+        self.lengths[targets] = self.lengths[sources]
+
+    def clear(self, first: int, count: int) -> None:
+        """Forget the tokens of the rows `first` to `first + count`."""
+        self.lengths[first : first + count] = 0
+
+    def feed(self, first: int, ids: Tensor, counts: Tensor) -> Tensor:
+        """Append tokens to the rows from `first` on, and give the logits after the last token of each.
+
+        `ids` is (n, m), padded to the right; `counts` (n) says how many of the m are real, at least one each. The result is
+        (n, vocabulary). Padding is written past a row's end, where the next tokens overwrite it.
+        """
+        n, m = ids.shape
+        start = self.lengths[first : first + n]
+        top = int(start.max()) + m
+        self._reserve(top)
+        at = start[:, None] + torch.arange(m, device=ids.device)
+        hidden = F.embedding(ids, self.tokens) + F.embedding(at.clamp(max=self.context - 1), self.places)
+        mask = self._mask(at, top, hidden)
+        rows = torch.arange(first, first + n, device=ids.device)
+        for i in range(len(self.layers)):
+            hidden = self._block(i, hidden, rows, at, mask)
+        self.lengths[first : first + n] += counts
+        last = hidden[torch.arange(n, device=ids.device), counts - 1]
+        return F.linear(F.layer_norm(last, self.norm[0].shape, *self.norm, self.config.layer_norm_epsilon), self.head)
+
+    @staticmethod
+    def _mask(at: Tensor, top: int, like: Tensor) -> Tensor:
+        """What is added to the scores: minus infinity for every position later than the asking token's, else 0."""
+        later = torch.arange(top, device=at.device) > at[:, None, :, None]
+        return torch.zeros(later.shape, dtype=like.dtype, device=like.device).masked_fill_(later, -torch.inf)
+
+    def _block(self, index: int, hidden: Tensor, rows: Tensor, at: Tensor, mask: Tensor) -> Tensor:
+        """One transformer block: `hidden` is (n, m, width)."""
+        layer, eps = self.layers[index], self.config.layer_norm_epsilon
+        normed = F.layer_norm(hidden, layer.norm_1[0].shape, *layer.norm_1, eps)
+        hidden = _affine(self._attend(index, normed, rows, at, mask), layer.projection) + hidden
+        normed = F.layer_norm(hidden, layer.norm_2[0].shape, *layer.norm_2, eps)
+        return _affine(self.activation(_affine(normed, layer.widen)), layer.narrow) + hidden
+
+    def _attend(self, index: int, hidden: Tensor, rows: Tensor, at: Tensor, mask: Tensor) -> Tensor:
+        """Write the new keys and values, then attend to all that the mask lets through."""
+        n, m, width = hidden.shape
+        layer, keys, values = self.layers[index], self.keys[index], self.values[index]
+        query, key, value = _affine(hidden, layer.attention).view(n, m, 3, keys.shape[1], -1).unbind(2)
+        keys[rows[:, None], :, at] = key
+        values[rows[:, None], :, at] = value
+        held = slice(int(rows[0]), int(rows[0]) + n), slice(None), slice(mask.shape[-1])
+        scores = (query.transpose(1, 2) * layer.scale) @ keys[held].transpose(-1, -2)
+        mixed = (scores + mask).softmax(-1) @ values[held]
+        return mixed.transpose(1, 2).reshape(n, m, width)
+
+
+def _affine(x: Tensor, weights: tuple[Tensor, Tensor]) -> Tensor:
+    """`x W + b` over the last axis, for the (in, out) layout of GPT-2's weights."""
+    weight, bias = weights
+    return torch.addmm(bias, x.reshape(-1, weight.shape[0]), weight).view(*x.shape[:-1], weight.shape[1])
+
+
+def _activation(name: str) -> Callable[[Tensor], Tensor]:
+    """The activation that a configuration names; GPT-2's own as one fused operation."""
+    if name == "gelu_new":
+        return lambda x: F.gelu(x, approximate="tanh")
+    return ACT2FN[name]  # type: ignore[no-any-return]
