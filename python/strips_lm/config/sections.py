@@ -155,7 +155,57 @@ class TrainConfig:
 class GenerateConfig:
     """How plans are decoded."""
 
+    max_new: int = 500
+    """Longest completion, in tokens; the model's context may end it earlier."""
+    top_k: int = 10
+    """`sample`: the likeliest tokens that are drawn from; 0 is all."""
+    top_p: float = 0.9
+    """`sample`: of these, the fewest that hold this share of the probability."""
+    temperature: float = 1.0
+    """`sample`: divides the logits."""
+    beams: int = 4
+    """`beam`: continuations kept at every step."""
+    length_penalty: float = 1.0
+    """`beam`: a finished beam's log-probability is divided by its length to this power."""
+    samples: int = 8
+    """`best-of-k`: continuations drawn for each prompt."""
+    rerank: Literal["head", "likelihood", "oracle"] = "head"
+    """`best-of-k`: who chooses among them."""
+    rows: int = 64
+    """Prompts that are decoded at once, in each worker."""
+    workers: int = 0
+    """Threads that decode, one core each; 0 is one for each core, or a single one on a GPU."""
+
+    def __post_init__(self) -> None:
+        check(min(self.max_new, self.beams, self.samples, self.rows) > 0, "the sizes in `generate` must be positive")
+        check(0.0 < self.top_p <= 1.0, "`generate.top_p` is a share, above 0")
+        check(self.temperature > 0.0, "`generate.temperature` must be positive; greedy decoding is `--decode greedy`")
+        check(self.top_k >= 0 and self.workers >= 0, "`generate.top_k` and `generate.workers` are at least 0")
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EvaluateConfig:
     """What is scored."""
+
+    suites: tuple[str, ...] = (
+        "seen",
+        "unseen-objects",
+        "unseen-made-up-names",
+        "unseen-actions",
+        "unseen-shapes",
+        "unseen-template",
+        "more-objects",
+        "longer",
+    )
+    """Suites of the data set, in the order of the table."""
+    decodes: tuple[str, ...] = ("greedy",)
+    """Ways of decoding, in the order of the table."""
+    limit: int = 1000
+    """Prompts a suite; 0 is all of them."""
+    pairs: int = 500
+    """Pairs a suite for perplexity and multiple choice; 0 is all of them."""
+    examples: int = 3
+    """Outputs a suite that are kept in the results."""
+
+    def __post_init__(self) -> None:
+        check(min(self.limit, self.pairs, self.examples) >= 0, "the counts in `evaluate` are at least 0")
