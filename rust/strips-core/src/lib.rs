@@ -9,3 +9,4 @@ pub mod pddl;
 pub mod random;
 pub mod span;
 pub mod task;
+pub mod text;
