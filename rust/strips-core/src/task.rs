@@ -4,13 +4,26 @@
 //! operator can change are compiled away from conditions and kept apart, in [`Task::static_facts`], because states are
 //! printed whole. Nothing else is dropped: an operator that is applicable in some reachable state is in the task.
 
+mod cost;
+mod facts;
+mod ground;
+mod lifted;
 pub mod limits;
 mod names;
+mod normal;
+mod plan;
+mod program;
+mod reach;
+mod relation;
+mod simplify;
 pub mod state;
+mod strata;
+mod universe;
 
 use std::sync::Arc;
 
 use crate::pddl::ast::{ActionId, Domain, GroundAtom, ObjectId, Problem, index};
+pub use ground::ground;
 pub use limits::{LimitError, Limits, Watch};
 pub use state::State;
 

@@ -1,0 +1,85 @@
+//! Grounding against the slow obvious meaning of PDDL, on random small tasks.
+//!
+//! `STRIPS_LM_TASKS=100000 cargo test --release -p strips-core --test grounding` is the long run.
+
+mod common;
+
+use std::collections::{HashMap, VecDeque};
+
+use common::naive::{Atoms, Naive};
+use common::random_task::{Features, all_operators, random_task};
+use proptest::prelude::*;
+use strips_core::task::{FactId, Limits, State, Task, ground};
+
+const MOST_STATES: usize = 60;
+
+fn tasks() -> u32 {
+    std::env::var("STRIPS_LM_TASKS").ok().and_then(|tasks| tasks.parse().ok()).unwrap_or(1000)
+}
+
+/// Explores by the naive meaning and asserts that the task agrees at every step.
+fn agree(seed: u64, features: Features) {
+    let (domain, problem) = random_task(seed, features);
+    let naive = Naive { domain: &domain, problem: &problem };
+    let task = ground(domain.clone(), problem.clone(), &Limits::default()).expect("a small task stays within limits");
+    assert_orders(&task);
+    let operators = all_operators(&domain, &problem);
+    let mut seen: HashMap<Atoms, State> = HashMap::from([(naive.init(), task.init.clone())]);
+    let mut queue = VecDeque::from([naive.init()]);
+    while let Some(atoms) = queue.pop_front() {
+        let state = seen[&atoms].clone();
+        assert_same_state(&naive, &task, &atoms, &state);
+        for (action, args) in &operators {
+            let operator = task.operator(*action, args).map(|id| &task.operators[id.index()]);
+            let operator = operator.filter(|operator| operator.applicable(&state));
+            let expected = naive.apply(*action, args, &atoms);
+            assert_eq!(operator.is_some(), expected.is_some(), "applicability of {action:?} {args:?} in {atoms:?}");
+            let (Some(operator), Some(next)) = (operator, expected) else { continue };
+            let next_state = task.apply(operator, &state);
+            match seen.get(&next) {
+                Some(known) => assert_eq!(known, &next_state, "one state for one set of atoms"),
+                None if seen.len() < MOST_STATES => {
+                    seen.insert(next.clone(), next_state);
+                    queue.push_back(next);
+                }
+                None => assert_same_state(&naive, &task, &next, &next_state),
+            }
+        }
+    }
+}
+
+fn assert_same_state(naive: &Naive, task: &Task, atoms: &Atoms, state: &State) {
+    assert_eq!(task.atoms(state), atoms.iter().cloned().collect::<Vec<_>>(), "atoms in canonical order");
+    assert_eq!(task.goal.holds(state), naive.is_goal(atoms), "the goal in {atoms:?}");
+    let full = naive.with_derived(atoms);
+    for (index, fact) in task.facts.iter().enumerate() {
+        assert_eq!(state.holds(FactId::from(index)), full.contains(fact), "{fact:?} in {atoms:?}");
+    }
+}
+
+fn assert_orders(task: &Task) {
+    assert!(task.facts.is_sorted_by(|a, b| a < b), "facts ascend");
+    assert!(task.static_facts.is_sorted_by(|a, b| a < b), "static facts ascend");
+    assert!(task.operators.is_sorted_by(|a, b| (a.action, &a.args) < (b.action, &b.args)), "operators ascend");
+    for effect in task.operators.iter().flat_map(|operator| &operator.effects) {
+        assert!(effect.add_effects.is_sorted_by(|a, b| a < b) && effect.del_effects.is_sorted_by(|a, b| a < b));
+        assert!(effect.add_effects.iter().all(|fact| !effect.del_effects.contains(fact)));
+    }
+    for condition in task.operators.iter().map(|operator| &operator.precondition).chain([&task.goal]) {
+        assert!(condition.positive.is_sorted_by(|a, b| a < b) && condition.negative.is_sorted_by(|a, b| a < b));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: tasks(), failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn grounding_keeps_the_meaning_of_strips_tasks(seed: u64) {
+        agree(seed, Features::STRIPS);
+    }
+
+    #[test]
+    fn grounding_keeps_the_meaning_of_adl_tasks(seed: u64) {
+        agree(seed, Features::ADL);
+    }
+}
