@@ -48,7 +48,7 @@ def jobs_of(prompts: list[list[int]], draws: int = 1) -> list[Job]:
 
 
 def ours(
-    model: Any, prompts: list[list[int]], rows: int, choose: Any = None, workers: int = 1, max_new: int = 30
+    model: Any, prompts: list[list[int]], rows: int, choose: Any = None, *, workers: int = 1, max_new: int = 30
 ) -> list:
     def loop() -> Loop:
         return Loop(
@@ -74,7 +74,7 @@ def test_greedy_equals_transformers(model: Any, prompts: list[list[int]]) -> Non
 def test_batch_size_and_threads_do_not_change_the_text(model: Any, prompts: list, rows: int, workers: int) -> None:
     for choose in (Greedy(), Sample()):
         alone = [g.tokens for g in ours(model, prompts, 8, choose)]
-        assert [g.tokens for g in ours(model, prompts, rows, choose, workers)] == alone
+        assert [g.tokens for g in ours(model, prompts, rows, choose, workers=workers)] == alone
 
 
 def test_no_text_passes_the_context(model: Any) -> None:

@@ -42,6 +42,7 @@ __all__ = [
     "TokenizerConfig",
     "TrainConfig",
     "presets",
+    "versions",
 ]
 
 RECORDED = ("numpy", "pyarrow", "torch", "transformers", "accelerate", "tokenizers")
@@ -104,7 +105,7 @@ class RunConfig:
 
     def save(self, path: str | Path) -> None:
         """Writes `run.toml`: the configuration, its hash, and the versions that it ran with."""
-        about = {"content_hash": self.content_hash(), "versions": _versions()}
+        about = {"content_hash": self.content_hash(), "versions": versions()}
         Path(path).write_text(to_toml(about | self.to_dict()), encoding="utf-8")
 
 
@@ -149,7 +150,8 @@ def _part(wanted: Any, key: str, value: Any) -> Any:
     return build(wanted, value, key)
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """The versions of Python, this package and the libraries that it ran with."""
     found = {"python": platform.python_version(), "strips-lm": __version__}
     for package in RECORDED:
         try:

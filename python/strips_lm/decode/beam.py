@@ -1,8 +1,8 @@
 """Beam search over a decoder: the `width` likeliest continuations of each prompt are kept at every step.
 
 A finished continuation's score is its log-probability divided by length^penalty, as in transformers; a prompt is done
-when no going beam can still beat its `width` finished ones. Price: `width` rows a prompt, and one reordering of the cache a step.
-It knows token ids alone.
+when no going beam can still beat its `width` finished ones. Price: `width` rows a prompt, and one reordering of the
+cache a step. It knows token ids alone.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def _extend(group: Group, going: list[_Beams], log_probs: Tensor, made: int) -> 
 
 
 def _grow(group: Group, beam: _Beams, log_probs: Tensor) -> list[int]:
-    """Put the best `width` continuations that go on into `beam`, and those that stop among its finished; the parents."""
+    """Put the best `width` that go on into `beam`, and those that stop among its finished; the parents."""
     totals = log_probs + torch.tensor(beam.scores, device=log_probs.device)[:, None]
     best = totals.flatten().topk(min(2 * group.width, totals.numel()))
     texts, scores, parents = [], [], []

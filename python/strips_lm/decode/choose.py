@@ -1,7 +1,7 @@
 """How the next token is chosen from logits: greedy, or sampled from a truncated distribution.
 
-Randomness comes in as one uniform number a row, so that a sample is a function of (seed, prompt, draw, position) alone and not
-of the batch that a row happened to share.
+Randomness comes in as one uniform number a row, so that a sample is a function of (seed, prompt, draw, position) alone
+and not of the batch that a row happened to share.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A static-cache decoder for GPT-2-shaped weights: token ids in, next-token logits out.
 
 It reads the weights of a transformers GPT-2 (any of its heads) and runs them as plain batched matrix products over a
-cache that is allocated once. Rows are aligned to the left and padded to the right: a row's tokens always sit at positions
-0, 1, 2, …, so padding is never attended to and needs no correction. One call, `feed`, is prefill, step and chunk alike.
+static cache. Rows are aligned to the left and padded to the right: a row's tokens always sit at positions 0, 1, 2, …,
+so padding is never attended to and needs no correction. One call, `feed`, is prefill, step and chunk alike.
 
 Price: one step costs O(rows × positions × width) for the attention, whatever the padding; the cache holds
 2 × layers × rows × positions × width numbers. It knows no text, no sampling and no stopping.
@@ -61,7 +61,7 @@ def _read_layer(block: Any, index: int, config: Any) -> Layer:
 class Gpt2Decoder:
     """Next-token logits of a GPT-2 model over rows of a static cache.
 
-    `model` is any transformers model with a `transformer` (GPT2Model) and an `lm_head`; its weights are shared, not copied.
+    `model` is any transformers model with a `transformer` (GPT2Model) and an `lm_head`; its weights are shared.
     `lengths[row]` tells how many tokens of a row the cache holds.
     """
 
@@ -109,8 +109,8 @@ class Gpt2Decoder:
     def feed(self, first: int, ids: Tensor, counts: Tensor) -> Tensor:
         """Append tokens to the rows from `first` on, and give the logits after the last token of each.
 
-        `ids` is (n, m), padded to the right; `counts` (n) says how many of the m are real, at least one each. The result is
-        (n, vocabulary). Padding is written past a row's end, where the next tokens overwrite it.
+        `ids` is (n, m), padded to the right; `counts` (n) says how many of the m are real, at least one each. The
+        result is (n, vocabulary). Padding is written past a row's end, where the next tokens overwrite it.
         """
         n, m = ids.shape
         start = self.lengths[first : first + n]

@@ -1,7 +1,7 @@
 """The decoding loop: a fixed number of rows, refilled from the waiting prompts as soon as enough of them are done.
 
-Prompts go longest first, so that rows of like length share a batch. Finished rows leave at once: the last rows move into
-the holes, and the matrices shrink. It knows token ids, a decoder and a choice; no text, no model.
+Prompts go longest first, so that rows of like length share a batch. Finished rows leave at once: the last rows move
+into the holes, and the matrices shrink. It knows token ids, a decoder and a choice; no text, no model.
 """
 
 from __future__ import annotations

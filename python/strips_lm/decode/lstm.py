@@ -1,4 +1,4 @@
-"""The stateful decoder for the LSTM language model: the same three calls as the static cache, over two state tensors."""
+"""The stateful decoder for the LSTM language model: the three calls of the static cache, over two state tensors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LstmDecoder:
         self.lengths[targets] = self.lengths[sources]
 
     def feed(self, first: int, ids: Tensor, counts: Tensor) -> Tensor:
-        """Append tokens (n, m), padded to the right, `counts` of them real; the logits (n, vocabulary) after the last."""
+        """Append tokens (n, m), padded to the right, `counts` of them real; logits (n, vocabulary) after the last."""
         rows = slice(first, first + len(ids))
         state = self.hidden[:, rows].contiguous(), self.cell[:, rows].contiguous()
         packed = pack_padded_sequence(self.model.embedding(ids), counts.cpu(), batch_first=True, enforce_sorted=False)

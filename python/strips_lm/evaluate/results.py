@@ -1,0 +1,237 @@
+"""What an evaluation finds, as values and as `results.json` (docs/results-format.md). It computes nothing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from strips_lm.config import ConfigError
+
+FORMAT = "strips-lm results 1"
+"""The first field of every file, and its version."""
+
+TIMING = ("seconds", "prompts_per_second", "tokens_per_second", "verify_seconds")
+"""Fields that differ from run to run."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """One model's plans on one suite by one way of decoding."""
+
+    model: str
+    """The model's name in `models`."""
+    suite: str
+    """The suite's name, or the folder of PDDL problems."""
+    decode: str
+    """`greedy`, `sample`, `beam`, `best-of-8 by head`, …"""
+    oracle_helps: bool
+    """Whether the oracle took part in choosing; such rows stand apart."""
+    prompts: int
+    """Prompts tried."""
+    valid: int
+    """Prompts whose plan the oracle found valid for the prompt's own PDDL problem."""
+    valid_low: float
+    """Lower end of the share's 95 % interval (Wilson)."""
+    valid_high: float
+    """Upper end."""
+    optimal: int
+    """Valid plans that are as short as the shortest."""
+    surplus_mean: float | None
+    """Steps of a valid plan beyond the shortest's, on average."""
+    executable_share: float | None
+    """Steps executed before the first that could not be, as a share of the steps emitted; mean over prompts."""
+    states: int
+    """States emitted after executable steps."""
+    states_right: int
+    """Of these, the ones equal to the true state."""
+    traces_right: int
+    """Prompts with a valid plan whose every state is right as well."""
+    unfinished: int
+    """Texts that did not end with the stop token."""
+    malformed: int
+    """Texts that are not of the format."""
+    verdicts: dict[str, int]
+    """Prompts by verdict."""
+    failed_at: dict[str, int]
+    """Invalid plans by the step that failed, from 1; length + 1 is the goal; `-` where there is no step."""
+    by_length: dict[str, list[int]]
+    """[valid, prompts] by the shortest plan's length."""
+    tokens: int
+    """Tokens generated."""
+    seconds: float
+    """Wall-clock time of decoding."""
+    prompts_per_second: float
+    """Prompts by `seconds`."""
+    tokens_per_second: float
+    """Tokens by `seconds`."""
+    verify_seconds: float
+    """Wall-clock time of parsing and checking."""
+    digest: str
+    """SHA-256 over all texts in order: equal digests, equal outputs."""
+
+    @property
+    def share(self) -> float:
+        """Share of valid plans."""
+        return self.valid / self.prompts if self.prompts else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Likelihood:
+    """How well one model predicts one suite's plans, and how well its second head tells plans from corruptions."""
+
+    model: str
+    """The model's name in `models`."""
+    suite: str
+    """The suite's name."""
+    records: int
+    """Pairs measured."""
+    left_out: int
+    """Pairs that the model's context cannot hold."""
+    tokens: int
+    """Scored tokens: those of the plans (actions, states, the end), not of the prompts."""
+    perplexity: float
+    """2^H with H the cross-entropy in bits a scored token."""
+    floor: float | None
+    """The perplexity of a perfect model: the plan is drawn uniformly from `plan_count` plans, the rest is certain."""
+    bits_per_plan: float
+    """Cross-entropy in bits a plan, which compares between tokenizers."""
+    floor_bits_per_plan: float | None
+    """The same of a perfect model."""
+    choices: int
+    """Pairs judged by the second head; 0 where the model has none."""
+    choices_right: int
+    """Of these, the ones where the plan scored above its corruption."""
+    by_negative: dict[str, list[int]]
+    """[right, pairs] by the kind of corruption."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """What one model wrote for a prompt, and what the oracle says."""
+
+    model: str
+    decode: str
+    text: str
+    plan: str
+    verdict: str
+    step: int | None
+    reason: str
+    finished: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Example:
+    """One prompt and every model's output."""
+
+    suite: str
+    index: int
+    prompt: str
+    problem: str
+    reference: str
+    outputs: list[Output]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Model:
+    """A checkpoint that was evaluated."""
+
+    name: str
+    path: str
+    kind: str
+    tokenizer: str
+    parameters: int
+    seconds_trained: float | None = None
+    steps_trained: int | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class Results:
+    """Everything that `evaluate` found, and what it takes to find it again."""
+
+    data: str
+    """The data set's folder."""
+    config: dict[str, Any]
+    """The sections `generate` and `evaluate`, and the seed."""
+    versions: dict[str, str] = field(default_factory=dict)
+    created: str = ""
+    models: list[Model] = field(default_factory=list)
+    scores: list[Score] = field(default_factory=list)
+    likelihoods: list[Likelihood] = field(default_factory=list)
+    examples: list[Example] = field(default_factory=list)
+
+    def save(self, path: str | Path) -> None:
+        """Write `results.json`, whole or not at all."""
+        target = Path(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part = target.with_name(target.name + ".part")
+        part.write_text(json.dumps({"format": FORMAT, **asdict(self)}, indent=1) + "\n", encoding="utf-8")
+        part.replace(target)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Results:
+        """Read `results.json`.
+
+        Raises:
+            ConfigError: it is not one, or of another version.
+        """
+        try:
+            found = json.loads(Path(path).read_text(encoding="utf-8"))
+            return cls._from_dict(found)
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise ConfigError(f"{path}: not a results file of this version: {error}") from None
+
+    @classmethod
+    def _from_dict(cls, found: dict[str, Any]) -> Results:
+        if found.pop("format") != FORMAT:
+            raise ValueError(f"the format is not {FORMAT!r}")
+        parts = {"models": Model, "scores": Score, "likelihoods": Likelihood}
+        for name, kind in parts.items():
+            found[name] = [kind(**item) for item in found[name]]
+        found["examples"] = [_example(item) for item in found["examples"]]
+        return cls(**found)
+
+    def model(self, name: str) -> Model:
+        """The model of that name."""
+        return next(model for model in self.models if model.name == name)
+
+
+def _example(item: dict[str, Any]) -> Example:
+    return Example(**{**item, "outputs": [Output(**output) for output in item["outputs"]]})
+
+
+def differences(old: Results, new: Results) -> list[str]:
+    """One sentence for each score or likelihood of `old` that `new` does not repeat, timings aside."""
+    found = []
+    for before, after in _pairs(old, new):
+        where = " ".join(getattr(before, name) for name in ("model", "suite", "decode") if hasattr(before, name))
+        if after is None:
+            found.append(f"{where}: missing")
+            continue
+        found += [f"{where}: {line}" for line in _unequal(before, after)]
+    return found
+
+
+def _pairs(old: Results, new: Results) -> list[tuple[Any, Any]]:
+    scores = {(s.model, s.suite, s.decode): s for s in new.scores}
+    likelihoods = {(k.model, k.suite): k for k in new.likelihoods}
+    return [(s, scores.get((s.model, s.suite, s.decode))) for s in old.scores] + [
+        (k, likelihoods.get((k.model, k.suite))) for k in old.likelihoods
+    ]
+
+
+def _unequal(before: Any, after: Any) -> list[str]:
+    lines = []
+    for part in fields(before):
+        old, new = getattr(before, part.name), getattr(after, part.name)
+        if part.name not in TIMING and not _same(old, new):
+            lines.append(f"{part.name} was {old}, is {new}")
+    return lines
+
+
+def _same(old: Any, new: Any) -> bool:
+    """Equality; measured logarithms may differ in the last digits from machine to machine."""
+    if isinstance(old, float) and isinstance(new, float):
+        return abs(old - new) <= 1e-4 * max(abs(old), abs(new))
+    return bool(old == new)

@@ -1,0 +1,116 @@
+"""What there is to evaluate on: a suite's prompts, each with its own PDDL problem, read from a data set's folder.
+
+Prompts that occur more than once (the same problem with another of its plans) are tried once. No torch here.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow.parquet as pq
+
+from strips_lm import _native
+from strips_lm.config import ConfigError
+from strips_lm.config.names import suggestion
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+COLUMNS = (
+    *("prompt", "completion", "negative", "negative_kind", "plan", "problem_id"),
+    *("names", "words", "optimal_steps", "plan_count"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One record of a suite."""
+
+    prompt: str
+    completion: str
+    negative: str
+    negative_kind: str
+    plan: str
+    problem_id: int
+    names: list[str]
+    words: list[str]
+    optimal_steps: int
+    plan_count: int
+
+
+class DataFolder:
+    """A data set's folder: its domain, its lexicon, its problems, its suites."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Open it.
+
+        Raises:
+            ConfigError: it is not a finished data set.
+        """
+        self.path = Path(path)
+        if not (self.path / "manifest.json").is_file():
+            raise ConfigError(f"{path}: no finished data set here\nhint: strips-lm gen-data --out {path}")
+        self.domain_text = (self.path / "domain.pddl").read_text(encoding="utf-8")
+        self.domain = _native.Domain.parse(self.domain_text, str(self.path / "domain.pddl"))
+        self.actions = [name for name, _ in self.domain.actions]
+        self.problems: list[str] = pq.read_table(self.path / "problems.parquet", columns=["problem"])[
+            "problem"
+        ].to_pylist()
+        self.synonyms = read_synonyms(self.path / "lexicon.toml")
+
+    def suites(self) -> list[str]:
+        """The splits that are there, by name."""
+        files = (self.path / "data").glob("*.parquet")
+        return sorted({file.name.rsplit("-", 3)[0].replace("_", "-") for file in files})
+
+    def items(self, suite: str, limit: int = 0, *, distinct: bool = True) -> list[Item]:
+        """The first `limit` records of a suite (0 is all), each prompt once where `distinct`.
+
+        Raises:
+            ConfigError: there is no such suite.
+        """
+        files = sorted((self.path / "data").glob(f"{suite.replace('-', '_')}-*.parquet"))
+        if not files:
+            raise ConfigError(f"{self.path}: no suite `{suite}`{suggestion(suite, self.suites())}")
+        found: list[Item] = []
+        seen: set[str] = set()
+        for item in _read(files):
+            if distinct and item.prompt in seen:
+                continue
+            seen.add(item.prompt)
+            found.append(item)
+            if len(found) == limit:
+                break
+        return found
+
+    def problem(self, item: Item) -> str:
+        """The record's own PDDL problem, with its names."""
+        return _native.rename_problem(self.domain, self.problems[item.problem_id], item.names)
+
+    def words(self, item: Item) -> dict[str, str]:
+        """Every word that may stand for an action in the record, its own words first of all."""
+        return {
+            **self.synonyms,
+            **{name: name for name in self.actions},
+            **dict(zip(item.words, self.actions, strict=True)),
+        }
+
+
+def read_synonyms(lexicon: Path) -> dict[str, str]:
+    """Each word of a lexicon with its action; nothing where there is no lexicon."""
+    if not lexicon.is_file():
+        return {}
+    table: dict[str, Any] = tomllib.loads(lexicon.read_text(encoding="utf-8")).get("actions", {})
+    return {word: action for action, lists in table.items() for words in lists.values() for word in words}
+
+
+def _read(files: Sequence[Path]) -> Iterator[Item]:
+    for path in files:
+        with pq.ParquetFile(path) as file:
+            for batch in file.iter_batches(batch_size=1024, columns=list(COLUMNS)):
+                columns = batch.to_pydict()
+                rows = zip(*(columns[name] for name in COLUMNS), strict=True)
+                yield from (Item(*row[:-1], int(row[-1])) for row in rows)

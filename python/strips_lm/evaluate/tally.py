@@ -1,0 +1,104 @@
+"""From the oracle's judgements to one line of the table. It counts; it decides nothing."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from strips_lm.evaluate.results import Score
+from strips_lm.evaluate.statistics import mean, wilson
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from strips_lm._native import Judgement
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What was tried: one model, one suite, one way of decoding, and what it took."""
+
+    model: str
+    suite: str
+    decode: str
+    oracle_helps: bool
+    texts: Sequence[str]
+    finished: Sequence[bool]
+    optimal_steps: Sequence[int]
+    tokens: int
+    seconds: float
+    verify_seconds: float
+
+
+def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
+    """The score of a trial, from the judgement of each of its texts."""
+    prompts = len(judgements)
+    right = [j.verdict.is_valid and done for j, done in zip(judgements, trial.finished, strict=True)]
+    low, high = wilson(sum(right), prompts)
+    surplus = [j.steps - best for j, best, ok in zip(judgements, trial.optimal_steps, right, strict=True) if ok]
+    return Score(
+        model=trial.model,
+        suite=trial.suite,
+        decode=trial.decode,
+        oracle_helps=trial.oracle_helps,
+        prompts=prompts,
+        valid=sum(right),
+        valid_low=low,
+        valid_high=high,
+        optimal=sum(extra == 0 for extra in surplus),
+        surplus_mean=mean(surplus),
+        executable_share=mean(_executable(j) for j in judgements),
+        states=sum(j.states_total for j in judgements),
+        states_right=sum(j.states_right for j in judgements),
+        traces_right=sum(ok and j.states_right == j.states_total for j, ok in zip(judgements, right, strict=True)),
+        unfinished=sum(not done for done in trial.finished),
+        malformed=sum(j.verdict.outcome == "syntax" for j in judgements),
+        verdicts=_verdicts(judgements, right),
+        failed_at=_failed_at(judgements, right),
+        by_length=_by_length(trial.optimal_steps, right),
+        tokens=trial.tokens,
+        seconds=trial.seconds,
+        prompts_per_second=prompts / trial.seconds if trial.seconds else 0.0,
+        tokens_per_second=trial.tokens / trial.seconds if trial.seconds else 0.0,
+        verify_seconds=trial.verify_seconds,
+        digest=digest(trial.texts),
+    )
+
+
+def _executable(judgement: Judgement) -> float:
+    """The share of emitted steps that come before the first failure; all of an empty plan."""
+    return judgement.executable_steps / judgement.steps if judgement.steps else 1.0
+
+
+def _verdicts(judgements: Sequence[Judgement], right: Sequence[bool]) -> dict[str, int]:
+    """Prompts by verdict; a plan that would be valid had its text ended is `unfinished`."""
+    names = [
+        "unfinished" if j.verdict.is_valid and not ok else j.verdict.outcome
+        for j, ok in zip(judgements, right, strict=True)
+    ]
+    return dict(sorted(Counter(names).items(), key=lambda item: (item[0] != "valid", -item[1], item[0])))
+
+
+def _failed_at(judgements: Sequence[Judgement], right: Sequence[bool]) -> dict[str, int]:
+    steps = Counter(j.verdict.step for j, ok in zip(judgements, right, strict=True) if not ok)
+    order = sorted(steps, key=lambda step: (step is None, step or 0))
+    return {"-" if step is None else str(step): steps[step] for step in order}
+
+
+def _by_length(lengths: Sequence[int], right: Sequence[bool]) -> dict[str, list[int]]:
+    found: dict[int, list[int]] = {}
+    for length, ok in zip(lengths, right, strict=True):
+        counts = found.setdefault(length, [0, 0])
+        counts[0] += ok
+        counts[1] += 1
+    return {str(length): found[length] for length in sorted(found)}
+
+
+def digest(texts: Sequence[str]) -> str:
+    """SHA-256 over texts in order."""
+    found = hashlib.sha256()
+    for text in texts:
+        found.update(text.encode() + b"\0")
+    return found.hexdigest()

@@ -1,0 +1,251 @@
+"""A checkpoint at work: prompts in, completions out, in one of several ways of decoding.
+
+It joins a tokenizer, a model and a decoder, and knows no planning: what a completion means, and whether its plan holds,
+is for the oracle to say. A way of decoding in which the oracle takes part gets it as a function of texts.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+
+import torch
+
+from strips_lm import tokenizer as tokenizers
+from strips_lm.config import ConfigError
+from strips_lm.config.names import suggestion
+from strips_lm.decode import Generation, Greedy, Job, Limits, Loop, Sample, run_jobs
+from strips_lm.decode.beam import beam_search
+from strips_lm.decode.gpt2 import Gpt2Decoder
+from strips_lm.decode.loop import pad
+from strips_lm.decode.lstm import LstmDecoder
+from strips_lm.forward import hidden_at
+from strips_lm.lstm import LstmLMHeadModel
+from strips_lm.model import checkpoint_folder, load_model
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from strips_lm.config import GenerateConfig
+    from strips_lm.decode import Decoder
+    from strips_lm.tokenizer import PlanTokenizer
+
+Decode = Literal["greedy", "sample", "beam", "best-of-k"]
+"""The ways of decoding."""
+
+DECODES: tuple[str, ...] = get_args(Decode)
+
+Rerank = Literal["head", "likelihood", "oracle"]
+"""Who chooses among the samples of `best-of-k`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """What a model wrote after one prompt."""
+
+    text: str
+    tokens: int
+    """Tokens written, the stop token included."""
+    finished: bool
+    """Whether it ended with the stop token."""
+    log_probability: float
+    """In nats, of all its tokens; 0 where the way of decoding does not need it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """The completions of many prompts, and how long they took."""
+
+    completions: list[Completion]
+    tokens: int
+    """Tokens written in all, those of discarded samples included."""
+    seconds: float
+
+
+class Judge(Protocol):
+    """The oracle as `best-of-k` by `oracle` needs it."""
+
+    def __call__(self, prompts: Sequence[int], texts: Sequence[str]) -> Sequence[bool]:
+        """Whether each text is a valid plan for the prompt of that number."""
+
+
+def check_decode(name: str) -> str:
+    """The name of a way of decoding.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    if name not in DECODES:
+        raise ConfigError(f"no way of decoding `{name}`: one of {', '.join(DECODES)}{suggestion(name, DECODES)}")
+    return name
+
+
+class Planner:
+    """A model and its tokenizer, ready to continue prompts."""
+
+    def __init__(self, model: Any, tokenizer: PlanTokenizer, config: GenerateConfig, seed: int = 0) -> None:
+        """Both as they are; `seed` decides what `sample` draws."""
+        self.model, self.tokenizer, self.config, self.seed = model, tokenizer, config, seed
+        self.workers = config.workers or (1 if model.device.type != "cpu" else max(1, len(os.sched_getaffinity(0))))
+
+    @classmethod
+    def load(cls, folder: str | Path, config: GenerateConfig, seed: int = 0, device: str | None = None) -> Planner:
+        """The planner of a checkpoint's or a run's folder, on a GPU where there is one unless `device` says otherwise.
+
+        Raises:
+            ValueError: the folder holds no checkpoint of ours.
+        """
+        place = checkpoint_folder(folder)
+        device = device or ("cuda" if torch.cuda.is_available() else "cpu")
+        return cls(load_model(place).to(device), tokenizers.load(place), config, seed)
+
+    @property
+    def model_context(self) -> int:
+        """Positions that the model has."""
+        return self._decoder(0).context
+
+    @property
+    def has_head(self) -> bool:
+        """Whether the model has a multiple-choice head."""
+        return hasattr(self.model, "multiple_choice_head")
+
+    def complete(
+        self, prompts: Sequence[str], decode: str, judge: Judge | None = None, tick: Callable[[int], None] | None = None
+    ) -> Batch:
+        """A completion of each prompt; `tick` is called with the number of prompts done so far.
+
+        Raises:
+            ConfigError: `decode` is none of `DECODES`, or asks for a head or an oracle that is not there.
+        """
+        check_decode(decode)
+        if decode == "best-of-k":
+            drawn = self.draw(prompts, tick)
+            return self.choose(prompts, drawn, self.config.rerank, judge)
+        started = time.perf_counter()
+        ids, legends = self.tokenizer.encode_prompts(prompts)
+        made = self._decode(ids, decode, tick)
+        completions = self._texts(ids, legends, made)
+        return Batch(completions, sum(len(g.tokens) for g in made), time.perf_counter() - started)
+
+    def draw(self, prompts: Sequence[str], tick: Callable[[int], None] | None = None) -> Drawn:
+        """`config.samples` samples for each prompt, with all that the three ways of choosing need."""
+        started = time.perf_counter()
+        ids, legends = self.tokenizer.encode_prompts(prompts)
+        made = self._decode(ids, "sample", tick, draws=self.config.samples, score=True)
+        many = [i for i in range(len(ids)) for _ in range(self.config.samples)]
+        texts = self._texts([ids[i] for i in many], [legends[i] for i in many], made)
+        return Drawn(ids, made, texts, time.perf_counter() - started)
+
+    def choose(self, prompts: Sequence[str], drawn: Drawn, rerank: str, judge: Judge | None = None) -> Batch:
+        """The best of each prompt's samples by the head, by likelihood, or by the oracle (then by likelihood)."""
+        started = time.perf_counter()
+        scores = self._rate(drawn, rerank, judge)
+        k = self.config.samples
+        best = [max(range(i * k, i * k + k), key=scores.__getitem__) for i in range(len(prompts))]
+        seconds = drawn.seconds + time.perf_counter() - started
+        return Batch([drawn.texts[i] for i in best], sum(len(g.tokens) for g in drawn.made), seconds)
+
+    def _rate(self, drawn: Drawn, rerank: str, judge: Judge | None) -> list[tuple[float, ...]]:
+        """A sortable rating of every sample; unfinished texts come last."""
+        likelihood = [g.log_probability for g in drawn.made]
+        if rerank == "likelihood":
+            first: Sequence[float] = likelihood
+        elif rerank == "head":
+            first = self._head_scores(drawn)
+        elif judge is not None:
+            first = list(map(float, judge([g.prompt for g in drawn.made], [c.text for c in drawn.texts])))
+        else:
+            raise ConfigError("`--rerank oracle` needs the problem to check plans against")
+        return [(float(g.finished), a, b) for g, a, b in zip(drawn.made, first, likelihood, strict=True)]
+
+    @torch.inference_mode()
+    def _head_scores(self, drawn: Drawn, rows: int = 64) -> list[float]:
+        """The multiple-choice head's logit of every sample, read at its last token."""
+        if not self.has_head:
+            raise ConfigError(
+                "this model has no multiple-choice head\nhint: choose by likelihood, or train double-head"
+            )
+        order = sorted(range(len(drawn.made)), key=lambda i: len(drawn.whole(i)))
+        scores = [0.0] * len(order)
+        for start in range(0, len(order), rows):
+            part = order[start : start + rows]
+            found = head_logits(self.model, [drawn.whole(i) for i in part])
+            for index, score in zip(part, found, strict=True):
+                scores[index] = score
+        return scores
+
+    def _decode(
+        self,
+        ids: Sequence[Sequence[int]],
+        decode: str,
+        tick: Callable[[int], None] | None,
+        draws: int = 1,
+        score: bool = False,
+    ) -> list[Generation]:
+        """Token ids to token ids."""
+        limits = Limits(stop=self.tokenizer.end_id, max_new=self.config.max_new)
+        jobs = [Job(i, draw, row) for i, row in enumerate(ids) for draw in range(draws)]
+        too_long = next((len(job.ids) for job in jobs if len(job.ids) >= self.model_context), None)
+        if too_long:
+            raise ConfigError(f"a prompt of {too_long} tokens does not fit the model's context")
+        if decode == "beam":
+            width, penalty = self.config.beams, self.config.length_penalty
+            return beam_search(jobs, self._decoder, limits, width=width, penalty=penalty, rows=self.config.rows)
+        config = self.config
+        choose = Greedy() if decode == "greedy" else Sample(config.top_k, config.top_p, config.temperature)
+        done = _Counter(tick)
+
+        def loop() -> Loop:
+            return Loop(self._decoder(config.rows), choose, limits, seed=self.seed, score=score, on_done=done)
+
+        return run_jobs(jobs, loop, self.workers)
+
+    def _decoder(self, rows: int) -> Decoder:
+        kind = LstmDecoder if isinstance(self.model, LstmLMHeadModel) else Gpt2Decoder
+        return kind(self.model, rows)
+
+    def _texts(self, ids: Sequence[Any], legends: Sequence[Any], made: Sequence[Generation]) -> list[Completion]:
+        texts = self.tokenizer.decode_completions(ids, [g.tokens for g in made], legends)
+        return [
+            Completion(text, len(g.tokens), g.finished, g.log_probability) for text, g in zip(texts, made, strict=True)
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """Several samples for each prompt, prompt by prompt."""
+
+    ids: Sequence[Sequence[int]]
+    made: list[Generation]
+    texts: list[Completion]
+    seconds: float
+
+    def whole(self, index: int) -> list[int]:
+        """Prompt and completion of one sample."""
+        made = self.made[index]
+        return [*map(int, self.ids[made.prompt]), *made.tokens]
+
+
+class _Counter:
+    """Counts finished continuations for a progress bar."""
+
+    def __init__(self, tick: Callable[[int], None] | None) -> None:
+        self.tick, self.count = tick, 0
+
+    def __call__(self, _: Generation) -> None:
+        self.count += 1
+        if self.tick is not None:
+            self.tick(self.count)
+
+
+def head_logits(model: Any, texts: Sequence[Sequence[int]]) -> list[float]:
+    """The multiple-choice head's logit for each token sequence, read at its last token."""
+    ids, counts = pad(texts, model.device)
+    places = torch.arange(ids.shape[1], device=ids.device).expand_as(ids)
+    at = torch.arange(len(texts), device=ids.device) * ids.shape[1] + counts - 1
+    hidden = hidden_at(model.transformer, ids, places, at, torch.float32)
+    logits = model.multiple_choice_head.summary(hidden).view(-1)
+    return [float(value) for value in logits]
