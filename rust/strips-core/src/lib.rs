@@ -7,6 +7,7 @@
 
 pub mod pddl;
 pub mod random;
+pub mod search;
 pub mod span;
 pub mod task;
 pub mod text;
