@@ -316,7 +316,9 @@ impl<'a, const W: usize> Explorer<'a, W> {
             let words = &self.found.states[state * self.width()..][..self.width()];
             if self.is_expanded(words) {
                 self.generator.applicable_in(words, &mut applicable);
-                applicable.iter().for_each(|&operator| self.add_candidate(&mut batch, operator, words, remaining));
+                for &operator in &applicable {
+                    self.add_candidate(&mut batch, operator, words, remaining);
+                }
             }
             batch.ends.push(batch.hashes.len() as u32);
         }

@@ -88,7 +88,9 @@ impl PlanSet {
             |(steps, root): (usize, &Option<u32>)| root.map_or_else(BigUint::zero, |root| table.get(root, steps));
         let counts: Vec<BigUint> = graph.roots.iter().enumerate().map(count).collect();
         let mut starts = vec![BigUint::zero()];
-        counts.iter().for_each(|count| starts.push(starts.last().map_or_else(BigUint::zero, |start| start + count)));
+        for (steps, count) in counts.iter().enumerate() {
+            starts.push(&starts[steps] + count);
+        }
         Self { task, horizon, semantics, graph, table, counts, starts, lines: OnceLock::new() }
     }
 

@@ -39,7 +39,9 @@ impl OperatorLines {
             if plan > 0 {
                 text.push('\n');
             }
-            row.iter().for_each(|&operator| text.push_str(self.line(operator)));
+            for &operator in row {
+                text.push_str(self.line(operator));
+            }
         }
         text
     }

@@ -196,10 +196,12 @@ impl SuccessorGenerator {
     pub(super) fn apply(&self, operator: u32, words: &[u64], next: &mut [u64]) {
         let outcome = &self.effects[operator as usize];
         let changes = &self.changes[outcome.first as usize..outcome.last as usize];
-        if !outcome.conditional.is_empty() {
-            apply_conditional(outcome, changes, words, next);
+        if outcome.conditional.is_empty() {
+            for change in changes {
+                change.make(next);
+            }
         } else {
-            changes.iter().for_each(|change| change.make(next));
+            apply_conditional(outcome, changes, words, next);
         }
         if !self.axioms.is_empty() {
             self.derive(next);

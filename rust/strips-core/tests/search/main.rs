@@ -4,5 +4,6 @@
 
 mod laws;
 mod naive;
+mod oracle_cases;
 mod random_task;
 mod reproducible;
