@@ -79,7 +79,9 @@ def collate(rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int) -> Ba
         position_ids=torch.from_numpy(np.arange(length)[None, :] + offsets[:, None]),
         lm_positions=_long(scored),
         lm_labels=_long(labels),
-        mc_token_ids=torch.tensor([[last[row] for row in pair] for pair in pairs], dtype=torch.long).reshape(len(pairs), -1 if pairs else 0),
+        mc_token_ids=torch.tensor([[last[row] for row in pair] for pair in pairs], dtype=torch.long).reshape(
+            len(pairs), -1 if pairs else 0
+        ),
         mc_labels=torch.zeros(len(pairs), dtype=torch.long),
     )
 

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from torch import Tensor, nn
 
 
-def hidden_at(transformer: nn.Module, input_ids: Tensor, position_ids: Tensor, at: Tensor, dtype: torch.dtype) -> Tensor:
+def hidden_at(
+    transformer: nn.Module, input_ids: Tensor, position_ids: Tensor, at: Tensor, dtype: torch.dtype
+) -> Tensor:
     """Final hidden states (len(at), width) of the positions `at`, indices into the flattened (rows * length) tokens."""
     rows, length = input_ids.shape
     hidden = _embed(transformer, input_ids, position_ids).to(dtype).view(rows * length, -1)
