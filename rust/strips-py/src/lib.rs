@@ -3,6 +3,11 @@
 //! Converts, detaches from the interpreter, calls `strips_core`, converts back. Holds no algorithm.
 
 mod error;
+mod interrupt;
+mod operators;
+mod pddl;
+mod plan_set;
+mod task;
 
 use pyo3::pymodule;
 
@@ -12,6 +17,12 @@ mod _native {
 
     #[pymodule_export]
     use crate::error::{DataError, LimitError, PddlError};
+    #[pymodule_export]
+    use crate::pddl::{Domain, Problem};
+    #[pymodule_export]
+    use crate::plan_set::{PlanIterator, PlanSet, Plans};
+    #[pymodule_export]
+    use crate::task::Task;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use strips_core::pddl::ast::{self, TypeId};
-use strips_core::pddl::{self, Source, display};
+use strips_core::pddl::{self, Source};
 
 use crate::error::pddl_error;
 
@@ -86,7 +86,7 @@ impl Domain {
 
     /// The domain as PDDL; parsing it gives the same domain again.
     fn to_pddl(&self) -> String {
-        display::print_domain(&self.ast)
+        pddl::print_domain(&self.ast)
     }
 
     fn __repr__(&self) -> String {
@@ -137,7 +137,7 @@ impl Problem {
 
     /// The problem as PDDL; parsing it gives the same problem again.
     fn to_pddl(&self) -> String {
-        display::print_problem(&self.ast, &self.domain)
+        pddl::print_problem(&self.ast, &self.domain)
     }
 
     /// The same problem with its objects called `names`, which must be all different and leave the domain's as they are.

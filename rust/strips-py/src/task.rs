@@ -10,6 +10,7 @@ use strips_core::task::limits::Limits;
 use strips_core::task::{self, OperatorId};
 
 use crate::interrupt;
+use crate::operators::OperatorNames;
 use crate::pddl::{Domain, Problem};
 use crate::plan_set::{PlanSet, semantics_of};
 
@@ -17,6 +18,7 @@ use crate::plan_set::{PlanSet, semantics_of};
 #[pyclass(frozen, module = "strips_lm._native")]
 pub struct Task {
     pub core: Arc<task::Task>,
+    names: Arc<OperatorNames>,
 }
 
 #[pymethods]
@@ -40,7 +42,8 @@ impl Task {
         limits.facts = max_facts.unwrap_or(limits.facts);
         let (domain, problem) = (domain.ast.clone(), problem.ast.clone());
         let core = interrupt::run(py, limits, |limits| task::ground(domain, problem, limits))?;
-        Ok(Self { core: Arc::new(core) })
+        let core = Arc::new(core);
+        Ok(Self { names: Arc::new(OperatorNames::new(core.clone())), core })
     }
 
     /// How many facts can differ between reachable states.
@@ -81,7 +84,7 @@ impl Task {
         limits.states = max_states.unwrap_or(limits.states);
         let task = self.core.clone();
         let core = interrupt::run(py, limits, |limits| CorePlanSet::new(task, max_steps, semantics, limits))?;
-        Ok(PlanSet::new(self.core.clone(), core))
+        Ok(PlanSet::new(self.names.clone(), core))
     }
 
     fn __repr__(&self) -> String {
