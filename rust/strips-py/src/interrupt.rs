@@ -5,7 +5,7 @@
 //! exception goes to the caller. A pool's threads do not exist in a forked child, so each process gets its own pool.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -29,11 +29,11 @@ static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 /// Runs `work` on the pool and returns what it gives, or the exception that a signal handler raised meanwhile.
 pub fn run<T: Send>(
     py: Python<'_>,
-    limits: Limits,
+    limits: &Limits,
     work: impl FnOnce(&Limits) -> Result<T, LimitError> + Send,
 ) -> PyResult<T> {
     let flag = Arc::new(AtomicBool::new(false));
-    let limits = Limits { interrupt: Some(flag.clone()), ..limits };
+    let limits = Limits { interrupt: Some(flag.clone()), ..*limits };
     let mut result = None;
     pool()?.in_place_scope(|scope| {
         let (done, mut finished) = channel::<()>();
@@ -42,10 +42,10 @@ pub fn run<T: Send>(
             *slot = Some(work(&limits));
             drop(done);
         });
-        while py.detach(|| finished.recv_timeout(POLL)) == Err(RecvTimeoutError::Timeout) {
+        while !py.detach(|| ended(&mut finished)) {
             if let Err(raised) = py.check_signals() {
                 flag.store(true, Ordering::Relaxed);
-                let _ = py.detach(|| finished.recv());
+                while !py.detach(|| ended(&mut finished)) {}
                 return Err(raised);
             }
         }
@@ -54,9 +54,14 @@ pub fn run<T: Send>(
     result.expect("the scope waits for the work, and passes its panics on").map_err(|error| limit_error(py, &error))
 }
 
+/// Waits a little for the work; whether it has ended. The exclusive borrow lets the wait happen off the interpreter.
+fn ended(finished: &mut Receiver<()>) -> bool {
+    finished.recv_timeout(POLL) != Err(RecvTimeoutError::Timeout)
+}
+
 /// As [`run`], for work that knows no limits and is short or chunked by the caller.
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    run(py, Limits::default(), |_| Ok(work()))
+    run(py, &Limits::default(), |_| Ok(work()))
 }
 
 /// The pool of this process, made at the first call. A parent's pool is leaked in the child: joining its threads, which

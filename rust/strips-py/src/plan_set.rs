@@ -48,7 +48,7 @@ impl PlanSet {
     }
 
     fn flat(&self, py: Python<'_>, range: Range<BigUint>) -> PyResult<search::Plans> {
-        interrupt::run(py, Limits::default(), |limits| self.core.plans_flat(range, limits))
+        interrupt::run(py, &Limits::default(), |limits| self.core.plans_flat(range, limits))
     }
 
     fn plan(&self, steps: Vec<Step>) -> PyResult<Option<Plan>> {
@@ -124,7 +124,7 @@ impl PlanSet {
             Err(SampleError::Limit(error)) => Err(error),
             drawn => Ok(drawn),
         };
-        match interrupt::run(py, Limits::default(), draw)? {
+        match interrupt::run(py, &Limits::default(), draw)? {
             Ok(plans) => self.batch(py, plans),
             Err(error) => Err(PyValueError::new_err(error.to_string())),
         }
@@ -156,7 +156,7 @@ impl PlanSet {
     #[pyo3(signature = (start = BigUint::ZERO, stop = None))]
     fn text(&self, py: Python<'_>, start: BigUint, stop: Option<BigUint>) -> PyResult<String> {
         let stop = stop.unwrap_or_else(|| self.core.count());
-        interrupt::run(py, Limits::default(), |limits| self.core.text(start..stop, limits))
+        interrupt::run(py, &Limits::default(), |limits| self.core.text(start..stop, limits))
     }
 
     fn __repr__(&self) -> String {

@@ -41,7 +41,7 @@ impl Task {
         limits.operators = max_operators.unwrap_or(limits.operators);
         limits.facts = max_facts.unwrap_or(limits.facts);
         let (domain, problem) = (domain.ast.clone(), problem.ast.clone());
-        let core = interrupt::run(py, limits, |limits| task::ground(domain, problem, limits))?;
+        let core = interrupt::run(py, &limits, |limits| task::ground(domain, problem, limits))?;
         let core = Arc::new(core);
         Ok(Self { names: Arc::new(OperatorNames::new(core.clone())), core })
     }
@@ -83,7 +83,7 @@ impl Task {
         let mut limits = limits(max_bytes, time_limit)?;
         limits.states = max_states.unwrap_or(limits.states);
         let task = self.core.clone();
-        let core = interrupt::run(py, limits, |limits| CorePlanSet::new(task, max_steps, semantics, limits))?;
+        let core = interrupt::run(py, &limits, |limits| CorePlanSet::new(task, max_steps, semantics, limits))?;
         Ok(PlanSet::new(self.names.clone(), core))
     }
 
