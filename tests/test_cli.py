@@ -21,8 +21,8 @@ def test_count_is_one_json_object_with_exact_decimal_strings(cli, cups):
     assert json.loads(result.out) == {
         "max_steps": 4,
         "semantics": "first-goal",
-        "counts": ["0", "0", "1", "0", "5"],
-        "total": "6",
+        "counts": ["0", "0", "1", "0", "3"],
+        "total": "4",
     }
 
 
@@ -30,7 +30,7 @@ def test_plans_are_blocks_separated_by_blank_lines(cli, cups):
     result = cli("plans", *cups.args(), "--max-steps", 4)
     blocks = result.out.split("\n\n")
     assert result.code == 0
-    assert len(blocks) == 6
+    assert len(blocks) == 4
     assert blocks[0] == "; first-goal plans of at most 4 steps\n" + SHORTEST.rstrip("\n")
 
 
@@ -58,7 +58,7 @@ def test_a_sample_depends_on_its_seed_alone(cli, cups):
 
 def test_a_distinct_sample_of_all_plans_is_all_plans(cli, cups):
     everything = cli("plans", *cups.args(), "--max-steps", 4).out
-    sample = cli("plans", *cups.args(), "--max-steps", 4, "--sample", 6, "--distinct").out
+    sample = cli("plans", *cups.args(), "--max-steps", 4, "--sample", 4, "--distinct").out
     strip = lambda text: sorted(block.strip() for block in text.partition("\n")[2].split("\n\n"))  # noqa: E731
     assert strip(sample) == strip(everything)
 

@@ -4,6 +4,16 @@ The oracle is here and needs numpy alone. Learning lives in the modules `tokeniz
 `generate` and `evaluate`, which import torch; this one never does.
 """
 
-from strips_lm._native import DataError, LimitError, PddlError, __version__
+from strips_lm._native import (
+    DataError,
+    Domain,
+    LimitError,
+    PddlError,
+    Plans,
+    PlanSet,
+    Problem,
+    Task,
+    __version__,
+)
 
-__all__ = ["DataError", "LimitError", "PddlError", "__version__"]
+__all__ = ["DataError", "Domain", "LimitError", "PddlError", "PlanSet", "Plans", "Problem", "Task", "__version__"]

@@ -9,10 +9,11 @@ from typing import Literal, final, overload
 import numpy as np
 from numpy.typing import NDArray
 
+__all__: list[str]
 __version__: str
 
-Semantics = Literal["first-goal", "any", "simple"]
-Plan = tuple[str, ...]
+_Semantics = Literal["first-goal", "any", "simple"]
+_Plan = tuple[str, ...]
 """Operator names, such as `("(pick cup)", "(place cup shelf)")`."""
 
 class PddlError(ValueError):
@@ -123,7 +124,7 @@ class Task:
     def plan_set(
         self,
         max_steps: int,
-        semantics: Semantics = "first-goal",
+        semantics: _Semantics = "first-goal",
         *,
         max_states: int | None = None,
         max_bytes: int | None = None,
@@ -147,7 +148,7 @@ class PlanSet:
     def max_steps(self) -> int:
         """The longest plan's steps."""
     @property
-    def semantics(self) -> Semantics:
+    def semantics(self) -> _Semantics:
         """Which sequences count as plans."""
     def count(self) -> int:
         """How many plans there are; exact at any size, where `len` is limited to what an index can hold."""
@@ -156,10 +157,10 @@ class PlanSet:
     def __len__(self) -> int: ...
     def __bool__(self) -> bool: ...
     @overload
-    def __getitem__(self, index: int, /) -> Plan: ...
+    def __getitem__(self, index: int, /) -> _Plan: ...
     @overload
     def __getitem__(self, index: slice, /) -> Plans: ...
-    def __iter__(self) -> Iterator[Plan]: ...
+    def __iter__(self) -> Iterator[_Plan]: ...
     def __contains__(self, plan: Sequence[str | int], /) -> bool: ...
     def rank(self, plan: Sequence[str | int]) -> int | None:
         """The place of a plan (names or ids of its operators) in the set, or `None` where it is not in it."""
@@ -169,7 +170,7 @@ class PlanSet:
         Raises:
             ValueError: there are too few plans.
         """
-    def shortest(self) -> Plan | None:
+    def shortest(self) -> _Plan | None:
         """The first of the shortest plans, or `None` where there is no plan."""
     def shortest_length(self) -> int | None:
         """The steps of a shortest plan, or `None` where there is no plan."""
@@ -177,7 +178,7 @@ class PlanSet:
         """The entropy, in nats, of a plan drawn uniformly."""
     def next_operators(self, prefix: Sequence[str | int]) -> list[tuple[int | None, int]]:
         """What may follow a prefix of operators: (operator id, number of plans that go on so); the id `None` is the end."""
-    def text(self, start: int = 0, stop: int | None = None) -> str:
+    def text(self, start: int | None = None, stop: int | None = None) -> str:
         """The plans from `start` to `stop` in IPC form, a block each, blocks separated by a blank line."""
 
 @final
@@ -185,7 +186,7 @@ class PlanIterator:
     """Plans one after another; holds a chunk of them at a time."""
 
     def __iter__(self) -> PlanIterator: ...
-    def __next__(self) -> Plan: ...
+    def __next__(self) -> _Plan: ...
 
 @final
 class Plans:
@@ -198,6 +199,6 @@ class Plans:
     def offsets(self) -> NDArray[np.int64]:
         """Where each plan begins, and where the last one ends; read-only."""
     def __len__(self) -> int: ...
-    def __getitem__(self, index: int, /) -> Plan: ...
+    def __getitem__(self, index: int, /) -> _Plan: ...
     def text(self) -> str:
         """The plans in IPC form, a block each, blocks separated by a blank line."""

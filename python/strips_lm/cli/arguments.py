@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from strips_lm.config import RunConfig
 
 
+class UsageError(ValueError):
+    """Arguments that contradict each other or the input."""
+
+
 def add_task(parser: argparse.ArgumentParser) -> None:
     """The two PDDL files of a task, and the budgets for grounding and searching it."""
     parser.add_argument("domain", metavar="DOMAIN", type=Path, help="the domain's PDDL file")

@@ -9,6 +9,7 @@ import sys
 import traceback
 
 from strips_lm import _native
+from strips_lm.cli.arguments import UsageError
 from strips_lm.config.names import ConfigError
 
 LEARNING = ("torch", "transformers", "accelerate", "tokenizers", "safetensors", "rich")
@@ -28,7 +29,7 @@ def _describe(error: BaseException) -> tuple[int, str]:
             return 130, "interrupted"
         case _native.LimitError() | MemoryError():
             return 3, f"error: {str(error) or 'out of memory'}\nhint: raise the limit, or ask for fewer steps"
-        case _native.PddlError() | _native.DataError() | ConfigError():
+        case _native.PddlError() | _native.DataError() | ConfigError() | UsageError():
             return 2, f"error: {error}"
         case ModuleNotFoundError(name=str(name)) if name.partition(".")[0] in LEARNING:
             return 2, f"error: this command needs {name}\nhint: pip install {' '.join(LEARNING)}"

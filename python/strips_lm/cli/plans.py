@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from strips_lm.cli.arguments import add_task, max_bytes, natural, positive, read_task
+from strips_lm.cli.arguments import UsageError, add_task, max_bytes, natural, positive, read_task
 
 if TYPE_CHECKING:
     import argparse
@@ -82,23 +82,20 @@ def _print_plans(plans: PlanSet, args: argparse.Namespace, out: TextIO) -> int:
 
 def _blocks(plans: PlanSet, args: argparse.Namespace) -> Iterator[str]:
     """The text to print, a piece at a time; nothing where there is no plan."""
-    if args.shortest:
-        chosen = plans[:1]
-    elif args.sample is not None:
-        chosen = plans.sample(args.sample, args.seed, replace=not args.distinct)
-    else:
-        yield from _all(plans, args.limit)
+    if args.sample is None or not plans:
+        yield from _in_order(plans, 1 if args.shortest else args.limit, args.shortest)
         return
-    if text := chosen[: args.limit].text():
-        yield text
+    if args.distinct and args.sample > plans.count():
+        raise UsageError(f"--sample {args.sample} --distinct: there are {plans.count()} plans")
+    yield plans.sample(min(args.sample, args.limit or args.sample), args.seed, replace=not args.distinct).text()
 
 
-def _all(plans: PlanSet, limit: int | None) -> Iterator[str]:
+def _in_order(plans: PlanSet, limit: int | None, quiet: bool) -> Iterator[str]:
     total = plans.count()
     end = total if limit is None else min(limit, total)
     for start in range(0, end, CHUNK):
-        yield plans[start : min(start + CHUNK, end)].text()
-    if end < total:
+        yield plans.text(start, min(start + CHUNK, end))
+    if end < total and not quiet:
         sys.stderr.write(f"stopped after {end} of {total} plans\n")
 
 

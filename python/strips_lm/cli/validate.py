@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 BATCH = 1 << 14
 """Plans validated at a time."""
 
-EMPTY_PLAN = "the empty plan"
-"""What a block's comment says where `plans` printed the plan without steps."""
+EMPTY_PLAN = "; empty plan"
+"""The block that stands where `plans` printed the plan without steps."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,7 +81,7 @@ def _blocks(name: str, text: str) -> Iterator[Submission]:
         if line.strip():
             block.append(line)
             continue
-        if any(not row.lstrip().startswith(";") or EMPTY_PLAN in row for row in block):
+        if any(not row.lstrip().startswith(";") or row.strip() == EMPTY_PLAN for row in block):
             number += 1
             yield Submission(file=name, number=number, line_before=start, text="\n".join(block))
         start, block = line_number + 1, []

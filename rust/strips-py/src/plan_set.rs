@@ -9,9 +9,8 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PySlice, PyTuple};
 use strips_core::search::{self, Plan, SampleError, Semantics};
-use strips_core::task::{LimitError, Limits, OperatorId};
+use strips_core::task::{Limits, OperatorId};
 
-use crate::error::limit_error;
 use crate::interrupt;
 use crate::operators::{OperatorNames, Step};
 
@@ -153,10 +152,10 @@ impl PlanSet {
     }
 
     /// The plans from `start` to `stop` in IPC form, a block each, blocks separated by a blank line.
-    #[pyo3(signature = (start = BigUint::ZERO, stop = None))]
-    fn text(&self, py: Python<'_>, start: BigUint, stop: Option<BigUint>) -> PyResult<String> {
-        let stop = stop.unwrap_or_else(|| self.core.count());
-        interrupt::run(py, &Limits::default(), |limits| self.core.text(start..stop, limits))
+    #[pyo3(signature = (start = None, stop = None))]
+    fn text(&self, py: Python<'_>, start: Option<BigUint>, stop: Option<BigUint>) -> PyResult<String> {
+        let range = start.unwrap_or_default()..stop.unwrap_or_else(|| self.core.count());
+        interrupt::run(py, &Limits::default(), |limits| self.core.text(range, limits))
     }
 
     fn __repr__(&self) -> String {
@@ -235,19 +234,24 @@ impl Plans {
         let [start, end] = bounds.ok_or_else(|| PyIndexError::new_err("there are not as many plans"))? else {
             unreachable!("two bounds were asked for")
         };
-        self.names.plan(py, operators[*start as usize..*end as usize].iter().copied())
+        self.names.plan(py, operators[place(*start)..place(*end)].iter().copied())
     }
 
     /// The plans in IPC form, a block each, blocks separated by a blank line.
     fn text(&self, py: Python<'_>) -> PyResult<String> {
         let (operators, offsets) = self.arrays(py)?;
         let (operators, offsets) = (operators.as_slice()?, offsets.as_slice()?);
-        interrupt::detached(py, || self.set.text_of(operators, offsets))
+        let plans = offsets.windows(2).map(|ends| &operators[place(ends[0])..place(ends[1])]);
+        interrupt::detached(py, || self.set.text_of(plans))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         Ok(format!("<Plans: {}>", self.__len__(py)?))
     }
+}
+
+fn place(offset: i64) -> usize {
+    usize::try_from(offset).expect("offsets are made from lengths and cannot be written")
 }
 
 /// A slice of ranks; only steps of 1 are meant.
