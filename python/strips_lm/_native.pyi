@@ -9,7 +9,18 @@ from typing import Literal, final, overload
 import numpy as np
 from numpy.typing import NDArray
 
-__all__: list[str]
+__all__ = [
+    "DataError",
+    "Domain",
+    "LimitError",
+    "PddlError",
+    "PlanIterator",
+    "PlanSet",
+    "Plans",
+    "Problem",
+    "Task",
+    "__version__",
+]
 __version__: str
 
 _Semantics = Literal["first-goal", "any", "simple"]

@@ -51,7 +51,8 @@ impl PlanSet {
     }
 
     fn plan(&self, steps: Vec<Step>) -> PyResult<Option<Plan>> {
-        let ids: Option<Vec<OperatorId>> = steps.into_iter().map(|step| self.names.id(step)).collect::<PyResult<_>>()?;
+        let ids: Option<Vec<OperatorId>> =
+            steps.into_iter().map(|step| self.names.id(step)).collect::<PyResult<_>>()?;
         Ok(ids.map(Plan))
     }
 }
@@ -102,7 +103,12 @@ impl PlanSet {
 
     fn __iter__(&self) -> PlanIterator {
         let set = PlanSet { names: self.names.clone(), core: self.core.clone() };
-        PlanIterator { set, next: BigUint::ZERO, chunk: search::Plans { operators: Vec::new(), offsets: vec![0] }, at: 0 }
+        PlanIterator {
+            set,
+            next: BigUint::ZERO,
+            chunk: search::Plans { operators: Vec::new(), offsets: vec![0] },
+            at: 0,
+        }
     }
 
     fn __contains__(&self, plan: Vec<Step>) -> PyResult<bool> {

@@ -268,6 +268,19 @@ impl PlanSet {
         Ok(blocks.join("\n"))
     }
 
+    /// Any plans of the task, as [`PlanSet::text`] writes them.
+    pub fn text_of<'a>(&self, plans: impl IntoIterator<Item = &'a [u32]>) -> String {
+        let lines = self.lines.get_or_init(|| OperatorLines::new(&self.task));
+        let mut text = String::new();
+        for plan in plans {
+            if !text.is_empty() {
+                text.push('\n');
+            }
+            text.push_str(&lines.blocks(plan, plan.len()));
+        }
+        text
+    }
+
     /// Cuts a range of ranks into pieces of one length and moderate size.
     fn segments(&self, range: Range<BigUint>, watch: &Watch) -> Result<Vec<Segment>, LimitError> {
         let (mut segments, mut bytes) = (Vec::new(), 0);
