@@ -3,8 +3,8 @@
 use std::fmt::{self, Write as _};
 
 use super::ast::{
-    Action, Atom, Axiom, Condition, Cost, CostFunction, Domain, Effect, Object, Parameter, Predicate, Problem, Term,
-    Type, TypeId,
+    Action, Atom, Axiom, Condition, Cost, CostFunction, Domain, Effect, Object, ObjectId, Parameter, Predicate,
+    Problem, Term, Type, TypeId,
 };
 
 /// The domain as PDDL.
@@ -23,9 +23,10 @@ pub fn print_problem(problem: &Problem, domain: &Domain) -> String {
     printer.out
 }
 
-/// A condition of the problem (its goal, say) as PDDL, on one line.
-pub fn print_condition(condition: &Condition, problem: &Problem, domain: &Domain) -> String {
+/// A condition as PDDL, on one line, with the objects of `binding` in place of its free variables; a goal has none.
+pub fn print_condition(condition: &Condition, binding: &[ObjectId], problem: &Problem, domain: &Domain) -> String {
     let mut printer = Printer::of_problem(problem, domain);
+    printer.variables = binding.iter().map(|id| problem.objects[id.index()].name.clone()).collect();
     printer.condition(condition).expect("writing to a string never fails");
     printer.out
 }
@@ -34,7 +35,7 @@ struct Printer<'d> {
     domain: &'d Domain,
     /// Names by object id.
     objects: Vec<&'d str>,
-    /// Names of the variables in scope, by variable id.
+    /// What to write for the variables in scope, by variable id.
     variables: Vec<String>,
     out: String,
 }
@@ -68,12 +69,11 @@ impl<'d> Printer<'d> {
         self.section(":objects", objects)?;
         let atoms = problem.init.iter().map(|atom| {
             let predicate = &self.domain.predicates[atom.predicate.index()].name;
-            let args: String = atom.args.iter().map(|id| format!(" {}", self.objects[id.index()])).collect();
-            format!("({predicate}{args})")
+            self.ground(predicate, &atom.args)
         });
         let costs = problem.costs.iter().map(|(function, args, value)| {
-            let args: String = args.iter().map(|id| format!(" {}", self.objects[id.index()])).collect();
-            format!("(= ({}{args}) {value})", self.domain.cost_functions[*function].name)
+            let function = &self.domain.cost_functions[*function].name;
+            format!("(= {} {value})", self.ground(function, args))
         });
         let lines: Vec<String> = atoms.chain(costs).collect();
         self.out.write_str("\n  (:init")?;
@@ -85,6 +85,11 @@ impl<'d> Printer<'d> {
             self.out.write_str("\n  (:metric minimize (total-cost))")?;
         }
         self.out.write_str(")\n")
+    }
+
+    fn ground(&self, name: &str, args: &[ObjectId]) -> String {
+        let words = std::iter::once(name).chain(args.iter().map(|id| self.objects[id.index()]));
+        format!("({})", words.collect::<Vec<_>>().join(" "))
     }
 
     fn requirements(&mut self, flags: &[String]) -> fmt::Result {
@@ -160,7 +165,7 @@ impl<'d> Printer<'d> {
     /// Runs `print` with the parameters in scope.
     fn within(&mut self, parameters: &[Parameter], print: impl FnOnce(&mut Self) -> fmt::Result) -> fmt::Result {
         let outer = self.variables.len();
-        self.variables.extend(parameters.iter().map(|parameter| parameter.name.clone()));
+        self.variables.extend(parameters.iter().map(|parameter| format!("?{}", parameter.name)));
         print(self)?;
         self.variables.truncate(outer);
         Ok(())
@@ -245,7 +250,7 @@ impl<'d> Printer<'d> {
         write!(self.out, "({name}")?;
         for term in terms {
             match term {
-                Term::Variable(id) => write!(self.out, " ?{}", self.variables[id.index()])?,
+                Term::Variable(id) => write!(self.out, " {}", self.variables[id.index()])?,
                 Term::Object(id) => write!(self.out, " {}", self.objects[id.index()])?,
             }
         }

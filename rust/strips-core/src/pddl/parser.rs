@@ -43,7 +43,7 @@ pub fn parse_domain(source: &Source) -> Result<Domain, PddlError> {
 pub fn parse_problem(source: &Source, domain: &Domain, domain_source: Option<&Source>) -> Result<Problem, PddlError> {
     let tree = Tree::read(source.text()).map_err(|fault| fault.within(source))?;
     problem::read(&tree, domain).map_err(|error| match (error.in_domain, domain_source) {
-        (Some(fault), Some(domain_source)) => fault.within(domain_source),
-        _ => error.in_problem.within(source),
+        (Some(span), Some(domain_source)) => PddlError::new(error.fault.kind, span, domain_source),
+        _ => error.fault.within(source),
     })
 }

@@ -6,8 +6,8 @@ use super::error::{Fault, PddlErrorKind};
 /// The stratum of each predicate; 0 for those that no rule defines.
 ///
 /// A head lies no lower than the derived predicates of its body, and above those that stand there under a negation.
-/// None if the rules allow no such numbering. Quadratic in the number of derived predicates at worst.
-pub(crate) fn strata(predicates: &[Predicate], axioms: &[Axiom]) -> Result<Vec<usize>, usize> {
+/// An error, the number of a rule on the cycle, if the rules allow no such numbering. Quadratic in the number of derived predicates at worst.
+fn strata(predicates: &[Predicate], axioms: &[Axiom]) -> Result<Vec<usize>, usize> {
     let derived = predicates.iter().filter(|predicate| predicate.derived).count();
     let edges: Vec<_> = axioms.iter().enumerate().flat_map(|(index, axiom)| edges(index, axiom)).collect();
     let mut stratum = vec![0; predicates.len()];

@@ -29,15 +29,15 @@ fn standing(keyword: &str) -> Option<Standing> {
 
 /// A mistake in a problem, or in its domain as only the problem shows.
 pub(super) struct ProblemFault {
-    /// The mistake in the problem's text.
-    pub(super) in_problem: Fault,
-    /// The same where the domain's text shows it better.
-    pub(super) in_domain: Option<Fault>,
+    /// The mistake, with its place in the problem's text.
+    pub(super) fault: Fault,
+    /// Its place in the domain's text, where that shows it better.
+    pub(super) in_domain: Option<Span>,
 }
 
 impl From<Fault> for ProblemFault {
     fn from(fault: Fault) -> Self {
-        Self { in_problem: fault, in_domain: None }
+        Self { fault, in_domain: None }
     }
 }
 
@@ -114,8 +114,7 @@ fn check_pending(names: &Names, domain: &Domain, home: Span) -> Result<(), Probl
             misfit.map(|(wanted, span)| (wrong_use(names, object, wanted), *span))
         };
         if let Some((kind, span)) = fault {
-            let in_problem = Fault::new(kind.clone(), home);
-            return Err(ProblemFault { in_problem, in_domain: Some(Fault::new(kind, span)) });
+            return Err(ProblemFault { fault: Fault::new(kind, home), in_domain: Some(span) });
         }
     }
     Ok(())

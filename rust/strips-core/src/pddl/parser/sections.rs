@@ -17,7 +17,7 @@ pub(super) enum Standing {
 /// The name in `(define (kind name) …)` and the sections after it, each checked to belong here and not to repeat.
 pub(super) struct Sections<'t> {
     pub(super) name: &'t str,
-    sections: Vec<(&'t str, Item<'t>)>,
+    parts: Vec<(&'t str, Item<'t>)>,
     end: crate::span::Span,
 }
 
@@ -34,7 +34,7 @@ impl<'t> Sections<'t> {
         let name = header(&mut items, kind)?;
         let sections = items.map(|item| Ok((head(item)?, item))).collect::<Result<Vec<_>, Fault>>()?;
         check(&sections, known, standing)?;
-        Ok(Self { name, sections, end })
+        Ok(Self { name, parts: sections, end })
     }
 
     /// The content of the section with this keyword, if it is there.
@@ -50,13 +50,13 @@ impl<'t> Sections<'t> {
 
     /// The contents of every section with this keyword, in order.
     pub(super) fn all<'s>(&'s self, keyword: &'s str) -> impl Iterator<Item = Items<'t>> + 's {
-        let matching = self.sections.iter().filter(move |(head, _)| *head == keyword);
+        let matching = self.parts.iter().filter(move |(head, _)| *head == keyword);
         matching.map(|(_, item)| content(*item))
     }
 
     /// Every section with this keyword, in order.
     pub(super) fn items<'s>(&'s self, keyword: &'s str) -> impl Iterator<Item = Item<'t>> + 's {
-        self.sections.iter().filter(move |(head, _)| *head == keyword).map(|&(_, item)| item)
+        self.parts.iter().filter(move |(head, _)| *head == keyword).map(|&(_, item)| item)
     }
 }
 
@@ -67,7 +67,7 @@ pub(super) fn content(section: Item<'_>) -> Items<'_> {
     items
 }
 
-fn keyword<'t>(items: &mut Items<'t>, wanted: &str, expected: &'static str) -> Result<(), Fault> {
+fn keyword(items: &mut Items<'_>, wanted: &str, expected: &'static str) -> Result<(), Fault> {
     let item = items.expect(expected)?;
     if item.as_name() == Some(wanted) { Ok(()) } else { Err(item.unexpected(expected)) }
 }

@@ -14,7 +14,7 @@ pub(super) struct Group<'t> {
 }
 
 /// The groups of a typed list, and a warning for each `-type` written without a space.
-pub(super) fn groups<'t>(mut items: Items<'t>) -> Result<(Vec<Group<'t>>, Vec<Warning>), Fault> {
+pub(super) fn groups(mut items: Items<'_>) -> Result<(Vec<Group<'_>>, Vec<Warning>), Fault> {
     let (mut groups, mut warnings, mut members) = (Vec::new(), Vec::new(), Vec::new());
     while let Some(item) = items.next() {
         let types = match item.as_name() {
@@ -41,7 +41,7 @@ pub(super) fn groups<'t>(mut items: Items<'t>) -> Result<(Vec<Group<'t>>, Vec<Wa
 }
 
 /// The names in `t` or `(either t u …)`.
-fn type_names<'t>(item: Item<'t>) -> Result<Vec<(&'t str, Span)>, Fault> {
+fn type_names(item: Item<'_>) -> Result<Vec<(&str, Span)>, Fault> {
     if item.kind() != NodeKind::List {
         return Ok(vec![(item.name("a type")?, item.span())]);
     }
