@@ -6,8 +6,10 @@
 //! Knows no Python, no Parquet and no command line: text and numbers in, values out.
 
 pub mod pddl;
+pub mod plan;
 pub mod random;
 pub mod search;
 pub mod span;
 pub mod task;
 pub mod text;
+pub mod validate;

@@ -15,6 +15,9 @@ mod source;
 mod stratify;
 mod tree;
 
+pub(crate) use edit_distance::nearest;
+pub(crate) use stratify::strata;
+
 pub use display::{print_condition, print_domain, print_problem};
 pub use error::{Declaration, PddlError, PddlErrorKind, Report};
 pub use parser::{parse_domain, parse_problem};

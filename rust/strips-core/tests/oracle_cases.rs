@@ -2,8 +2,11 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use strips_core::pddl::{PddlError, Source, parse_domain, parse_problem, print_domain, print_problem};
+use strips_core::task::{Limits, ground};
+use strips_core::validate::{Validator, validate};
 
 fn cases() -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/oracle-cases");
@@ -74,5 +77,44 @@ fn malformed_files_are_refused_where_they_are_wrong() {
             }
             _ => println!("{name}: {outcome:?}"),
         }
+    }
+}
+
+fn validator(folder: &Path) -> Validator {
+    let domain = parse_domain(&source(&folder.join("domain.pddl")).expect("UTF-8")).expect("a right domain");
+    let problem_source = source(&folder.join("problem.pddl")).expect("UTF-8");
+    let problem = parse_problem(&problem_source, &domain, None).expect("a right problem");
+    let task = ground(Arc::new(domain), Arc::new(problem), &Limits::default()).expect("a small task");
+    Validator::new(Arc::new(task))
+}
+
+#[test]
+fn plans_get_the_verdicts_that_others_gave_them() {
+    let Some(root) = cases() else { return };
+    let text = fs::read_to_string(root.join("plans/expected.json")).expect("expectations");
+    let expected: Vec<serde_json::Value> = serde_json::from_str(&text).expect("JSON");
+    for case in &expected {
+        let field = |name: &str| case[name].as_str().expect("a string");
+        let validator = validator(&root.join("cases").join(field("case")));
+        let plan = fs::read_to_string(root.join("plans").join(field("file"))).expect("a plan");
+        let verdict = validator.validate(&plan);
+        assert_eq!(verdict, validate(validator.task(), &plan), "the fast and the slow way agree");
+        let wanted = match field("reason") {
+            "precondition" => "inapplicable",
+            "goal" => "goal_not_reached",
+            other => other,
+        };
+        assert_eq!(verdict.outcome.name(), wanted, "{} {verdict:?}", field("file"));
+        if let Some(step) = case["step"].as_u64() {
+            assert_eq!(verdict.step, Some(step as usize), "{} {verdict:?}", field("file"));
+        }
+        if wanted != "goal_not_reached" {
+            assert_eq!(verdict.line, case["line"].as_u64().map(|line| line as usize), "{}", field("file"));
+        }
+        let missing: Vec<&str> = case["missing"].as_array().into_iter().flatten().filter_map(|m| m.as_str()).collect();
+        if missing != ["<formula>"] {
+            assert_eq!(verdict.missing, missing, "{}", field("file"));
+        }
+        println!("{}: {}", field("file"), verdict.reason);
     }
 }

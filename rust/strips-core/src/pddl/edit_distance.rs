@@ -2,7 +2,7 @@
 
 /// The candidate nearest to `name` by edit distance (insert, delete, replace, swap neighbours), if any is near enough
 /// to be what was meant: at most a third of the name's length, and at least one edit. The first of equals.
-pub(super) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let wanted: Vec<char> = name.chars().collect();
     let limit = (wanted.len() / 3).max(1);
     let mut best: Option<(usize, &str)> = None;

@@ -7,7 +7,7 @@ use super::error::{Fault, PddlErrorKind};
 ///
 /// A head lies no lower than the derived predicates of its body, and above those that stand there under a negation.
 /// An error, the number of a rule on the cycle, if the rules allow no such numbering. Quadratic in the number of derived predicates at worst.
-fn strata(predicates: &[Predicate], axioms: &[Axiom]) -> Result<Vec<usize>, usize> {
+pub(crate) fn strata(predicates: &[Predicate], axioms: &[Axiom]) -> Result<Vec<usize>, usize> {
     let derived = predicates.iter().filter(|predicate| predicate.derived).count();
     let edges: Vec<_> = axioms.iter().enumerate().flat_map(|(index, axiom)| edges(index, axiom)).collect();
     let mut stratum = vec![0; predicates.len()];

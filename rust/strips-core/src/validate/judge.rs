@@ -1,0 +1,156 @@
+//! A generated text, judged: its plan against its problem, its states against the true ones.
+
+use std::collections::HashMap;
+use std::hash::BuildHasher;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use super::explain::Run;
+use super::lookup::Unresolved;
+use super::trace::{Trace, compare};
+use super::{Outcome, Validator, Verdict};
+use crate::pddl::ast::Domain;
+use crate::pddl::{PddlError, Source, parse_problem};
+use crate::task::{LimitError, Limits, OperatorId, Task, ground};
+use crate::text::{Completion, TextAtom, parse_completion};
+
+/// The judgement of one completion.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Judgement {
+    /// The verdict on the plan; `syntax` where the text is malformed.
+    pub verdict: Verdict,
+    /// The plan in IPC form, a step a line, in the domain's action names.
+    pub plan: String,
+    /// Whether the text came to its end token.
+    pub finished: bool,
+    /// How many steps the text has.
+    pub steps: usize,
+    /// How many of them can be applied, from the first.
+    pub executable_steps: usize,
+    /// The states that the text says, against the true ones.
+    pub trace: Trace,
+}
+
+/// Why a batch could not be judged.
+#[derive(Debug, thiserror::Error)]
+pub enum JudgeError {
+    /// A problem is wrong.
+    #[error(transparent)]
+    Pddl(#[from] PddlError),
+    /// Grounding a problem hit a limit.
+    #[error(transparent)]
+    Limit(#[from] LimitError),
+    /// The lists are not of one length.
+    #[error("{problems} problems, {completions} completions and {words} word lists do not go together")]
+    Lengths {
+        /// Number of problems.
+        problems: usize,
+        /// Number of completions.
+        completions: usize,
+        /// Number of word lists.
+        words: usize,
+    },
+}
+
+/// Judges one completion. `words` gives the domain's action for a word of the text; a word that it does not hold stands
+/// for itself.
+pub fn judge<S: BuildHasher>(
+    validator: &Validator,
+    completion: &Completion,
+    words: &HashMap<String, String, S>,
+) -> Judgement {
+    let task = validator.task();
+    let action = |word| words.get(word).map_or(word, String::as_str);
+    let steps: Vec<(&str, &[&str])> =
+        completion.steps.iter().map(|step| (action(step.action.name), step.action.args.as_slice())).collect();
+    let (operators, verdict) = run(validator, &steps);
+    let states: Vec<Option<Vec<TextAtom>>> = completion.steps.iter().map(|step| step.state.clone()).collect();
+    let trace = compare(task, validator.lookup(), &operators, &states);
+    let verdict = completion.malformed.map_or(verdict, |malformed| Verdict {
+        outcome: Outcome::Syntax,
+        step: None,
+        line: None,
+        missing: Vec::new(),
+        reason: format!("the text makes no sense from {malformed}"),
+    });
+    Judgement {
+        verdict,
+        plan: steps.iter().map(|(name, args)| plan_line(name, args)).collect(),
+        finished: completion.finished,
+        steps: steps.len(),
+        executable_steps: operators.len(),
+        trace,
+    }
+}
+
+/// The steps that apply one after another, and the verdict on all of them.
+fn run(validator: &Validator, steps: &[(&str, &[&str])]) -> (Vec<OperatorId>, Verdict) {
+    let task = validator.task();
+    let (mut run, mut operators) = (Run::new(task), Vec::new());
+    for (name, args) in steps {
+        let failed = match validator.lookup().resolve(task, name, args.iter().copied()) {
+            Ok(resolved) => {
+                let failed = run.step(&resolved);
+                operators.extend(resolved.operator.filter(|_| failed.is_none()));
+                failed
+            }
+            Err(error) => Some(unresolved(operators.len() + 1, &plan_line(name, args), &error)),
+        };
+        if let Some(verdict) = failed {
+            return (operators, verdict);
+        }
+    }
+    let verdict = run.finish();
+    (operators, verdict)
+}
+
+fn unresolved(step: usize, line: &str, error: &Unresolved) -> Verdict {
+    let reason = format!("step {step}, {}: {}", line.trim_end(), error.reason);
+    Verdict { outcome: error.outcome, step: Some(step), line: None, missing: Vec::new(), reason }
+}
+
+fn plan_line(name: &str, args: &[&str]) -> String {
+    format!("({})\n", [&[name], args].concat().join(" ").to_ascii_lowercase())
+}
+
+/// Judges many completions, each against a problem of its own, in parallel; equal problems are grounded once.
+///
+/// `words[i]` gives the domain's action for a word of completion `i`; words that it does not hold stand for themselves.
+///
+/// # Errors
+/// When a problem cannot be read or grounded, or the lists differ in length.
+pub fn judge_many<S: BuildHasher + Sync>(
+    domain: &Arc<Domain>,
+    problems: &[&str],
+    completions: &[&str],
+    words: &[HashMap<String, String, S>],
+) -> Result<Vec<Judgement>, JudgeError> {
+    if problems.len() != completions.len() || words.len() != completions.len() {
+        let (problems, completions, words) = (problems.len(), completions.len(), words.len());
+        return Err(JudgeError::Lengths { problems, completions, words });
+    }
+    let validators = validators(domain, problems)?;
+    let one = |index: usize| {
+        let completion = parse_completion(completions[index]);
+        judge(&validators[problems[index]], &completion, &words[index])
+    };
+    Ok((0..problems.len()).into_par_iter().map(one).collect())
+}
+
+fn validators<'p>(domain: &Arc<Domain>, problems: &[&'p str]) -> Result<FxHashMap<&'p str, Validator>, JudgeError> {
+    let mut distinct = problems.to_vec();
+    distinct.sort_unstable();
+    distinct.dedup();
+    let prepared: Result<Vec<_>, JudgeError> = distinct
+        .into_par_iter()
+        .map(|problem| Ok((problem, Validator::new(Arc::new(prepare(domain, problem)?)))))
+        .collect();
+    prepared.map(|prepared| prepared.into_iter().collect())
+}
+
+fn prepare(domain: &Arc<Domain>, problem: &str) -> Result<Task, JudgeError> {
+    let problem = parse_problem(&Source::new("problem", problem), domain, None)?;
+    Ok(ground(Arc::clone(domain), Arc::new(problem), &Limits::default())?)
+}

@@ -1,0 +1,127 @@
+//! Many plans of one task, fast and in parallel.
+
+use std::sync::{Arc, OnceLock};
+
+use rayon::prelude::*;
+
+use super::explain::{explain_operators, explain_text};
+use super::lookup::Lookup;
+use super::operator_index::OperatorIndex;
+use super::program::{End, Program};
+use super::{Outcome, Verdict};
+use crate::task::{OperatorId, Task};
+
+/// A task prepared for validating many plans.
+///
+/// Building it is linear in the task; the index of names is built with the first text.
+pub struct Validator {
+    task: Arc<Task>,
+    program: Program,
+    lookup: OnceLock<Lookup>,
+    index: OnceLock<OperatorIndex>,
+}
+
+impl Validator {
+    /// Prepares the task.
+    pub fn new(task: Arc<Task>) -> Self {
+        let program = Program::new(&task);
+        Self { task, program, lookup: OnceLock::new(), index: OnceLock::new() }
+    }
+
+    /// The task that plans are validated against.
+    pub fn task(&self) -> &Arc<Task> {
+        &self.task
+    }
+
+    pub(super) fn lookup(&self) -> &Lookup {
+        self.lookup.get_or_init(|| Lookup::new(&self.task))
+    }
+
+    /// The verdict on a plan text; equal to that of [`super::validate`].
+    pub fn validate(&self, text: &str) -> Verdict {
+        match self.valid_length(text) {
+            Some(steps) => Verdict::valid(steps),
+            None => explain_text(&self.task, self.lookup(), text),
+        }
+    }
+
+    /// The verdict on each plan text, in order, computed in parallel.
+    pub fn validate_many<S: AsRef<str> + Sync>(&self, texts: &[S]) -> Vec<Verdict> {
+        texts.par_iter().with_min_len(64).map(|text| self.validate(text.as_ref())).collect()
+    }
+
+    /// The outcome of each plan text, without its evidence, in parallel.
+    pub fn outcomes<S: AsRef<str> + Sync>(&self, texts: &[S]) -> Vec<Outcome> {
+        let outcome = |text: &str| match self.valid_length(text) {
+            Some(_) => Outcome::Valid,
+            None => explain_text(&self.task, self.lookup(), text).outcome,
+        };
+        texts.par_iter().with_min_len(64).map(|text| outcome(text.as_ref())).collect()
+    }
+
+    /// The verdict on a sequence of operators; equal to that of [`super::validate_operators`].
+    pub fn validate_operators(&self, operators: &[OperatorId]) -> Verdict {
+        match self.program.run(&self.task, operators.iter().map(|id| id.0)) {
+            End::Valid => Verdict::valid(operators.len()),
+            _ => explain_operators(&self.task, operators),
+        }
+    }
+
+    /// Outcome and step (0 where it has no meaning) of many sequences of operators, in parallel.
+    ///
+    /// Sequence `i` is `operators[offsets[i]..offsets[i + 1]]`. None if the offsets do not ascend within `operators`.
+    pub fn outcomes_of_operators(&self, operators: &[u32], offsets: &[i64]) -> Option<Vec<(Outcome, u32)>> {
+        let run = |bounds: &[i64]| {
+            let plan = operators.get(usize::try_from(bounds[0]).ok()?..usize::try_from(bounds[1]).ok()?)?;
+            Some(outcome(self.program.run(&self.task, plan.iter().copied())))
+        };
+        offsets.par_windows(2).with_min_len(256).map(run).collect()
+    }
+
+    /// The number of steps, if the text is a valid plan spelt the usual way; none also where that is not clear yet.
+    fn valid_length(&self, text: &str) -> Option<usize> {
+        let index = self.index.get_or_init(|| OperatorIndex::new(&self.task));
+        let mut steps = UsualSteps { text: text.as_bytes(), at: 0, index, count: 0, clear: true };
+        let end = self.program.run(&self.task, &mut steps);
+        (end == End::Valid && steps.clear).then_some(steps.count)
+    }
+}
+
+fn outcome(end: End) -> (Outcome, u32) {
+    match end {
+        End::Valid => (Outcome::Valid, 0),
+        End::Unknown(step) => (Outcome::UnknownAction, step as u32),
+        End::Inapplicable(step) => (Outcome::Inapplicable, step as u32),
+        End::GoalNotReached(step) => (Outcome::GoalNotReached, step as u32),
+    }
+}
+
+/// The operators of a text in which every line is `(action object …)` or blank; ends where it is not.
+struct UsualSteps<'a> {
+    text: &'a [u8],
+    at: usize,
+    index: &'a OperatorIndex,
+    count: usize,
+    /// Whether everything so far was spelt the usual way and named an operator.
+    clear: bool,
+}
+
+impl Iterator for UsualSteps<'_> {
+    type Item = u32;
+
+    fn next(&mut self) -> Option<u32> {
+        while matches!(self.text.get(self.at), Some(b'\n' | b' ' | b'\r' | b'\t')) {
+            self.at += 1;
+        }
+        let rest = &self.text[self.at..];
+        if rest.is_empty() {
+            return None;
+        }
+        let end = rest.iter().position(|&byte| byte == b')').filter(|_| rest[0] == b'(');
+        let operator = end.and_then(|end| self.index.find(&rest[1..end]));
+        self.at += end.unwrap_or(0) + 1;
+        self.count += 1;
+        self.clear &= operator.is_some();
+        operator
+    }
+}
