@@ -25,6 +25,7 @@ impl Random {
     }
 
     /// A stream of its own for one named purpose, so that adding a draw for one purpose does not shift another's.
+    #[must_use]
     pub fn fork(&self, purpose: &str) -> Self {
         let folded = purpose.bytes().fold(self.state, |hash, byte| mix(hash ^ u64::from(byte)));
         Self { state: folded }

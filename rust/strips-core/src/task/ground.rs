@@ -77,7 +77,9 @@ fn reach(lifted: &mut Lifted, start: &[(usize, Vec<u32>)], watch: &Watch) -> Res
 fn initial_rows(start: &[(usize, Vec<u32>)], predicates: usize) -> Vec<usize> {
     let distinct: rustc_hash::FxHashSet<_> = start.iter().collect();
     let mut rows = vec![0; predicates];
-    distinct.into_iter().for_each(|(predicate, _)| rows[*predicate] += 1);
+    for (predicate, _) in distinct {
+        rows[*predicate] += 1;
+    }
     rows
 }
 

@@ -103,7 +103,9 @@ impl Program {
     /// Adds the rule `head` ← `body` and all of `conditions`.
     fn rule(&mut self, head: Pattern, body: Vec<Pattern>, conditions: &[Normal], scope: &[Candidates]) {
         let mut rule = Rule { head, body, filters: Vec::new(), tests: Vec::new(), scope: scope.to_vec() };
-        conditions.iter().for_each(|condition| self.require(&mut rule, condition));
+        for condition in conditions {
+            self.require(&mut rule, condition);
+        }
         self.bind_by_tests(&mut rule);
         self.rules.push(rule);
     }

@@ -82,6 +82,9 @@ impl Maker {
     }
 
     fn some_types(&mut self) -> Vec<TypeId> {
+        if self.random.chance(0.5) {
+            return vec![TypeId::OBJECT];
+        }
         let first = TypeId::from(self.random.below(self.domain.types.len()));
         let second = TypeId::from(self.random.below(self.domain.types.len()));
         if self.random.chance(0.1) && first != second { vec![first, second] } else { vec![first] }
@@ -93,14 +96,14 @@ impl Maker {
             types: maker.some_types(),
             span: Span::default(),
         };
-        let count = self.random.below(most + 1);
+        let count = if self.random.chance(0.15) { 0 } else { 1 + self.random.below(most) };
         (0..count).map(|n| parameter(self, n)).collect()
     }
 
     fn predicates(&mut self) {
         let derived = if self.features.adl { self.random.below(3) } else { 0 };
         for (class, count) in
-            [("static", self.random.below(3)), ("fluent", 1 + self.random.below(3)), ("derived", derived)]
+            [("static", self.random.below(3)), ("fluent", 2 + self.random.below(2)), ("derived", derived)]
         {
             for n in 0..count {
                 let parameters = self.parameters("x", 2);
@@ -202,7 +205,8 @@ impl Maker {
     }
 
     fn conditions(&mut self, depth: usize, end: usize) -> Vec<Condition> {
-        (0..self.random.below(4)).map(|_| self.condition(depth - 1, end)).collect()
+        let count = if self.random.chance(0.05) { 0 } else { 1 + self.random.below(3) };
+        (0..count).map(|_| self.condition(depth - 1, end)).collect()
     }
 
     fn quantified(
@@ -241,8 +245,8 @@ impl Maker {
             let parameters = self.parameters("x", 3);
             self.variables = parameters.iter().map(|parameter| parameter.types.clone()).collect();
             let end = self.domain.predicates.len();
-            let parts = (0..self.random.below(4)).map(|_| self.condition(2, end)).collect();
-            let effect = Effect::And((0..self.random.below(4)).map(|_| self.effect(2)).collect());
+            let parts = (0..self.random.below(3)).map(|_| self.condition(2, end)).collect();
+            let effect = Effect::And((0..1 + self.random.below(4)).map(|_| self.effect(2)).collect());
             self.domain.actions.push(Action {
                 name: format!("a{index}"),
                 parameters,
