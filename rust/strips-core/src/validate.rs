@@ -17,13 +17,11 @@ mod lookup;
 mod operator_index;
 mod program;
 mod trace;
-mod val;
 mod validator;
 
 use crate::task::{OperatorId, Task};
 pub use judge::{JudgeError, Judgement, judge, judge_many};
 pub use trace::{Trace, check_trace};
-pub use val::{plan_value, val_report};
 pub use validator::Validator;
 
 /// How a plan fares.
@@ -81,7 +79,7 @@ impl Outcome {
 }
 
 /// The judgement of one plan, with its evidence.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     /// How the plan fares.
     pub outcome: Outcome,
@@ -91,6 +89,8 @@ pub struct Verdict {
     pub line: Option<usize>,
     /// For `inapplicable` and `goal_not_reached`: the literals that do not hold, as PDDL, sorted.
     pub missing: Vec<String>,
+    /// Of a valid plan: what it raises `total-cost` by where the problem minimizes that, else its length.
+    pub cost: Option<f64>,
     /// One sentence: what is wrong, and which earlier step made it so.
     pub reason: String,
 }
@@ -101,10 +101,14 @@ impl Verdict {
         self.outcome == Outcome::Valid
     }
 
-    fn valid(steps: usize) -> Self {
+    fn valid(steps: usize, cost: f64) -> Self {
         let plural = if steps == 1 { "" } else { "s" };
         let reason = format!("every step applies and the goal holds after {steps} step{plural}");
-        Self { outcome: Outcome::Valid, step: None, line: None, missing: Vec::new(), reason }
+        Self { cost: Some(cost), ..Self::wrong(Outcome::Valid, reason) }
+    }
+
+    fn wrong(outcome: Outcome, reason: String) -> Self {
+        Self { outcome, step: None, line: None, missing: Vec::new(), cost: None, reason }
     }
 }
 

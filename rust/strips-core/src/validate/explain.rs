@@ -15,13 +15,7 @@ const NAMED: usize = 4;
 pub(super) fn explain_text(task: &Task, lookup: &Lookup, text: &str) -> Verdict {
     match parse_plan(text) {
         Ok(steps) => explain_steps(task, lookup, &steps),
-        Err(error) => Verdict {
-            outcome: Outcome::Syntax,
-            step: None,
-            line: Some(error.line),
-            missing: Vec::new(),
-            reason: error.to_string(),
-        },
+        Err(error) => Verdict { line: Some(error.line), ..Verdict::wrong(Outcome::Syntax, error.to_string()) },
     }
 }
 
@@ -58,13 +52,8 @@ pub(super) fn explain_operators(task: &Task, operators: &[OperatorId]) -> Verdic
 fn unresolved(run: &Run, step: &str, error: &Unresolved) -> Verdict {
     let number = run.applied.len() + 1;
     let step = if step.is_empty() { String::new() } else { format!(", {step}") };
-    Verdict {
-        outcome: error.outcome,
-        step: Some(number),
-        line: None,
-        missing: Vec::new(),
-        reason: format!("step {number}{step}: {}", error.reason),
-    }
+    let reason = format!("step {number}{step}: {}", error.reason);
+    Verdict { step: Some(number), ..Verdict::wrong(error.outcome, reason) }
 }
 
 /// A plan under way.
@@ -98,21 +87,21 @@ impl<'t> Run<'t> {
         let evidence = self.evidence(&action.precondition, &step.args);
         let number = self.applied.len() + 1;
         let reason = format!("step {number}, {}, cannot be applied: {}", self.name(step), evidence.sentence);
-        let (outcome, missing) = (Outcome::Inapplicable, evidence.missing);
-        Verdict { outcome, step: Some(number), line: None, missing, reason }
+        let missing = evidence.missing;
+        Verdict { step: Some(number), missing, ..Verdict::wrong(Outcome::Inapplicable, reason) }
     }
 
     /// The verdict when all steps have been applied.
     pub(super) fn finish(&self) -> Verdict {
         if self.task.goal.holds(&self.state) {
-            return Verdict::valid(self.applied.len());
+            return Verdict::valid(self.applied.len(), plan_cost(self.task, &self.applied));
         }
         let evidence = self.evidence(&self.task.problem.goal, &[]);
         let steps = self.applied.len();
         let plural = if steps == 1 { "" } else { "s" };
         let reason = format!("the goal is not reached after {steps} step{plural}: {}", evidence.sentence);
-        let (outcome, missing) = (Outcome::GoalNotReached, evidence.missing);
-        Verdict { outcome, step: Some(steps + 1), line: None, missing, reason }
+        let missing = evidence.missing;
+        Verdict { step: Some(steps + 1), missing, ..Verdict::wrong(Outcome::GoalNotReached, reason) }
     }
 
     fn name(&self, step: &Resolved) -> String {
@@ -181,6 +170,15 @@ fn literal_text(missing: &Missing, task: &Task) -> String {
         Missing::Literal(atom, true) => atom_text(atom, task),
         Missing::Literal(atom, false) => format!("(not {})", atom_text(atom, task)),
         Missing::Formula(text) => text.clone(),
+    }
+}
+
+/// What the plan raises `total-cost` by where the problem minimizes that, else its length.
+pub(super) fn plan_cost(task: &Task, operators: &[OperatorId]) -> f64 {
+    if task.problem.minimizes_cost {
+        operators.iter().map(|id| task.operators[id.index()].cost).sum()
+    } else {
+        operators.len() as f64
     }
 }
 

@@ -17,7 +17,7 @@ use crate::task::{LimitError, Limits, OperatorId, Task, ground};
 use crate::text::{Completion, TextAtom, parse_completion};
 
 /// The judgement of one completion.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
     /// The verdict on the plan; `syntax` where the text is malformed.
     pub verdict: Verdict,
@@ -68,12 +68,8 @@ pub fn judge<S: BuildHasher>(
     let (operators, verdict) = run(validator, &steps);
     let states: Vec<Option<Vec<TextAtom>>> = completion.steps.iter().map(|step| step.state.clone()).collect();
     let trace = compare(task, validator.lookup(), &operators, &states);
-    let verdict = completion.malformed.map_or(verdict, |malformed| Verdict {
-        outcome: Outcome::Syntax,
-        step: None,
-        line: None,
-        missing: Vec::new(),
-        reason: format!("the text makes no sense from {malformed}"),
+    let verdict = completion.malformed.map_or(verdict, |malformed| {
+        Verdict::wrong(Outcome::Syntax, format!("the text makes no sense from {malformed}"))
     });
     Judgement {
         verdict,
@@ -108,7 +104,7 @@ fn run(validator: &Validator, steps: &[(&str, &[&str])]) -> (Vec<OperatorId>, Ve
 
 fn unresolved(step: usize, line: &str, error: &Unresolved) -> Verdict {
     let reason = format!("step {step}, {}: {}", line.trim_end(), error.reason);
-    Verdict { outcome: error.outcome, step: Some(step), line: None, missing: Vec::new(), reason }
+    Verdict { step: Some(step), ..Verdict::wrong(error.outcome, reason) }
 }
 
 fn plan_line(name: &str, args: &[&str]) -> String {

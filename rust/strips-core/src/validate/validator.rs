@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use super::explain::{explain_operators, explain_text};
+use super::explain::{explain_operators, explain_text, plan_cost};
 use super::lookup::Lookup;
 use super::operator_index::OperatorIndex;
 use super::program::{End, Program};
@@ -39,8 +39,8 @@ impl Validator {
 
     /// The verdict on a plan text; equal to that of [`super::validate`].
     pub fn validate(&self, text: &str) -> Verdict {
-        match self.valid_length(text) {
-            Some(steps) => Verdict::valid(steps),
+        match self.usual(text) {
+            Some((steps, cost)) => Verdict::valid(steps, cost),
             None => explain_text(&self.task, self.lookup(), text),
         }
     }
@@ -52,7 +52,7 @@ impl Validator {
 
     /// The outcome of each plan text, without its evidence, in parallel.
     pub fn outcomes<S: AsRef<str> + Sync>(&self, texts: &[S]) -> Vec<Outcome> {
-        let outcome = |text: &str| match self.valid_length(text) {
+        let outcome = |text: &str| match self.usual(text) {
             Some(_) => Outcome::Valid,
             None => explain_text(&self.task, self.lookup(), text).outcome,
         };
@@ -62,7 +62,7 @@ impl Validator {
     /// The verdict on a sequence of operators; equal to that of [`super::validate_operators`].
     pub fn validate_operators(&self, operators: &[OperatorId]) -> Verdict {
         match self.program.run(&self.task, operators.iter().map(|id| id.0)) {
-            End::Valid => Verdict::valid(operators.len()),
+            End::Valid => Verdict::valid(operators.len(), plan_cost(&self.task, operators)),
             _ => explain_operators(&self.task, operators),
         }
     }
@@ -78,12 +78,14 @@ impl Validator {
         offsets.par_windows(2).with_min_len(256).map(run).collect()
     }
 
-    /// The number of steps, if the text is a valid plan spelt the usual way; none also where that is not clear yet.
-    fn valid_length(&self, text: &str) -> Option<usize> {
+    /// Length and cost, if the text is a valid plan spelt the usual way; none also where that is not clear yet.
+    fn usual(&self, text: &str) -> Option<(usize, f64)> {
         let index = self.index.get_or_init(|| OperatorIndex::new(&self.task));
-        let mut steps = UsualSteps { text: text.as_bytes(), at: 0, index, count: 0, clear: true };
+        let priced = self.task.problem.minimizes_cost.then_some(&*self.task);
+        let mut steps = UsualSteps { text: text.as_bytes(), at: 0, index, priced, count: 0, cost: 0.0, clear: true };
         let end = self.program.run(&self.task, &mut steps);
-        (end == End::Valid && steps.clear).then_some(steps.count)
+        let cost = if priced.is_some() { steps.cost } else { steps.count as f64 };
+        (end == End::Valid && steps.clear).then_some((steps.count, cost))
     }
 }
 
@@ -101,7 +103,10 @@ struct UsualSteps<'a> {
     text: &'a [u8],
     at: usize,
     index: &'a OperatorIndex,
+    /// The task, if the operators' costs matter.
+    priced: Option<&'a Task>,
     count: usize,
+    cost: f64,
     /// Whether everything so far was spelt the usual way and named an operator.
     clear: bool,
 }
@@ -122,6 +127,9 @@ impl Iterator for UsualSteps<'_> {
         self.at += end.unwrap_or(0) + 1;
         self.count += 1;
         self.clear &= operator.is_some();
+        if let (Some(task), Some(id)) = (self.priced, operator) {
+            self.cost += task.operators[id as usize].cost;
+        }
         operator
     }
 }
