@@ -192,9 +192,25 @@ class Results:
         found["examples"] = [_example(item) for item in found["examples"]]
         return cls(**found)
 
-    def model(self, name: str) -> Model:
-        """The model of that name."""
-        return next(model for model in self.models if model.name == name)
+    def join(self, other: Results) -> None:
+        """Add what another evaluation found; where both have a score, this one's stays."""
+        names = {model.name for model in self.models}
+        self.models += [model for model in other.models if model.name not in names]
+        scores = {(s.model, s.suite, s.decode) for s in self.scores}
+        self.scores += [s for s in other.scores if (s.model, s.suite, s.decode) not in scores]
+        likelihoods = {(k.model, k.suite) for k in self.likelihoods}
+        self.likelihoods += [k for k in other.likelihoods if (k.model, k.suite) not in likelihoods]
+        self._join_examples(other)
+
+    def _join_examples(self, other: Results) -> None:
+        """Outputs for the same prompt stand together."""
+        known = {(e.suite, e.index, e.prompt): e for e in self.examples}
+        for example in other.examples:
+            same = known.get((example.suite, example.index, example.prompt))
+            if same is None:
+                self.examples.append(example)
+            else:
+                same.outputs.extend(example.outputs)
 
 
 def _example(item: dict[str, Any]) -> Example:

@@ -1,0 +1,96 @@
+"""A problem's state graph as inline SVG (the report's Figure 1): layers by distance from the initial state, the plan in it.
+
+States of a layer are ordered by where their predecessors stand (the barycentre rule of Sugiyama et al. 1981), which keeps
+edges short. Hovering over a state shows its atoms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+WIDTH, LAYER = 760, 92
+"""Width of the drawing, and the distance between two layers."""
+
+
+@dataclass(frozen=True, slots=True)
+class StateGraph:
+    """States numbered from 0 (the initial one), each with its atoms and depth, and edges (from, to, operator)."""
+
+    states: Sequence[Sequence[str]]
+    depths: Sequence[int]
+    goals: Sequence[bool]
+    edges: Sequence[tuple[int, int, str]]
+
+
+def walk(graph: StateGraph, plan: Sequence[str]) -> list[int]:
+    """The states that a plan passes, as far as its operators apply."""
+    step = {(source, operator): target for source, target, operator in graph.edges}
+    path = [0]
+    for operator in plan:
+        after = step.get((path[-1], operator))
+        if after is None:
+            break
+        path.append(after)
+    return path
+
+
+def draw(graph: StateGraph, plan: Sequence[str]) -> str:
+    """The drawing, with the plan's states and operators marked and named."""
+    path = walk(graph, plan)
+    places = _places(graph, path)
+    height = (max(graph.depths) + 1) * LAYER
+    parts = [f'<svg class="graph" role="img" aria-label="state graph" viewBox="0 0 {WIDTH} {height}">']
+    on_path = set(zip(path, path[1:], strict=False))
+    parts += [_edge(places, source, target) for source, target, _ in graph.edges if (source, target) not in on_path]
+    parts += [_edge(places, source, target, "path") for source, target in zip(path, path[1:], strict=False)]
+    parts += [_node(graph, places, state, path) for state in range(len(graph.states))]
+    parts += [_label(places, path, step, operator) for step, operator in enumerate(plan[: len(path) - 1])]
+    return "".join([*parts, "</svg>"])
+
+
+def _places(graph: StateGraph, path: Sequence[int]) -> list[tuple[float, float]]:
+    """Where each state stands; the plan's run down the middle of their layers as far as they can."""
+    before: dict[int, list[int]] = {}
+    for source, target, _ in graph.edges:
+        if graph.depths[source] < graph.depths[target]:
+            before.setdefault(target, []).append(source)
+    x = [0.5] * len(graph.states)
+    for depth in range(max(graph.depths) + 1):
+        layer = [state for state, d in enumerate(graph.depths) if d == depth]
+        layer.sort(key=lambda s: (sum(x[p] for p in before.get(s, [s])) / len(before.get(s, [s])), s))
+        for rank, state in enumerate(_middle(layer, set(path))):
+            x[state] = (rank + 0.5) / len(layer)
+    return [(20 + x[s] * (WIDTH - 40), LAYER * (graph.depths[s] + 0.5)) for s in range(len(graph.states))]
+
+
+def _middle(layer: list[int], path: set[int]) -> list[int]:
+    """The layer with its state of the plan, if it has one, moved to the middle."""
+    chosen = next((state for state in layer if state in path), None)
+    if chosen is None:
+        return layer
+    rest = [state for state in layer if state != chosen]
+    return [*rest[: len(layer) // 2], chosen, *rest[len(layer) // 2 :]]
+
+
+def _edge(places: list[tuple[float, float]], source: int, target: int, kind: str = "edge") -> str:
+    (x1, y1), (x2, y2) = places[source], places[target]
+    bend = (y2 - y1) / 2 if y1 != y2 else -LAYER / 3
+    return f'<path class="{kind}" d="M{x1:.1f} {y1:.1f}C{x1:.1f} {y1 + bend:.1f} {x2:.1f} {y2 - bend if y1 != y2 else y2 + bend:.1f} {x2:.1f} {y2:.1f}"/>'
+
+
+def _node(graph: StateGraph, places: list[tuple[float, float]], state: int, path: Sequence[int]) -> str:
+    kind = "goal" if graph.goals[state] else "init" if state == 0 else "step" if state in path else "state"
+    (x, y), size = places[state], 7 if kind == "init" or state in path else 3.5
+    atoms = escape(", ".join(graph.states[state]))
+    return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{size}"><title>{atoms}</title></circle>'
+
+
+def _label(places: list[tuple[float, float]], path: Sequence[int], step: int, operator: str) -> str:
+    (x1, y1), (x2, y2) = places[path[step]], places[path[step + 1]]
+    x, y = (x1 + x2) / 2 + 10, (y1 + y2) / 2 + 4
+    return f'<text class="operator" x="{x:.1f}" y="{y:.1f}">{escape(operator)}</text>'
