@@ -7,3 +7,4 @@ mod naive;
 mod oracle_cases;
 mod random_task;
 mod reproducible;
+mod state_graph;
