@@ -1,1 +1,3 @@
 //! Tasks and generators that the benches share. Holds no measurement itself.
+
+pub mod classics;

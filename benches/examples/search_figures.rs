@@ -1,0 +1,106 @@
+//! The figures of search in one run, for reading rather than for statistics:
+//! `cargo run --release -p strips-bench --example search_figures [WORD]` (only the lines that hold the word).
+//!
+//! Beside the time on the clock it prints the time that its threads had a processor, where Linux tells it: on a busy
+//! machine only the second says something.
+
+use std::time::Instant;
+
+use num_bigint::BigUint;
+use strips_bench::classics::{blocksworld, evening, gripper};
+use strips_core::search::{PlanSet, Reach, Semantics, StateSpace, shortest_plan};
+use strips_core::task::Limits;
+
+/// Runs `work` five times and prints the best.
+fn best<T>(what: &str, unit: &str, mut work: impl FnMut() -> (T, usize)) {
+    if std::env::args().nth(1).is_some_and(|word| !what.contains(&word)) {
+        return;
+    }
+    let (mut shortest, mut least, mut items) = (f64::INFINITY, f64::INFINITY, 0);
+    for _ in 0..5 {
+        let (start, processor) = (Instant::now(), processor_seconds());
+        let (value, count) = work();
+        shortest = shortest.min(start.elapsed().as_secs_f64());
+        least = least.min(processor_seconds() - processor);
+        items = count;
+        drop(value);
+    }
+    let rate = |seconds: f64| items as f64 / seconds / 1e6;
+    println!("{what:42} {items:>11} {unit:7} {:>9.2} ms {:>8.2} M/s", shortest * 1e3, rate(shortest));
+    println!("{:62} {:>9.2} ms {:>8.2} M/s of processor time", "", least * 1e3, rate(least));
+}
+
+/// Time that this process's threads have had a processor.
+fn processor_seconds() -> f64 {
+    let Ok(threads) = std::fs::read_dir("/proc/self/task") else { return f64::NAN };
+    let nanoseconds = |thread: std::fs::DirEntry| -> Option<f64> {
+        let text = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
+        text.split_whitespace().next()?.parse().ok()
+    };
+    threads.flatten().filter_map(nanoseconds).sum::<f64>() / 1e9
+}
+
+fn main() {
+    let limits = Limits::default();
+    for (name, task) in [("blocksworld-8", blocksworld(8)), ("gripper-8", gripper(8)), ("gripper-12", gripper(12))] {
+        println!("{name}: {} facts, {} operators", task.facts.len(), task.operators.len());
+        for threads in [1, 2] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
+            let explore = || StateSpace::reachable(&task, Reach::default(), &limits).expect("within limits");
+            best(&format!("{name}, breadth first, {threads} threads"), "states", || {
+                let space = pool.install(explore);
+                let states = space.len();
+                (space, states)
+            });
+        }
+        let space = StateSpace::explore(&task, Reach::default(), &limits).expect("within limits");
+        println!("  {:.1} bytes a state beside the state", space.bytes_beside_states() as f64 / space.len() as f64);
+        best(&format!("{name}, with distances"), "states", || {
+            let space = StateSpace::explore(&task, Reach::default(), &limits).expect("within limits");
+            let states = space.len();
+            (space, states)
+        });
+        best(&format!("{name}, first plan"), "steps", || {
+            let plan = shortest_plan(&task, None, &limits).expect("within limits").expect("solvable");
+            let steps = plan.len();
+            (plan, steps)
+        });
+    }
+    let task = evening();
+    best("evening, count of 858,375,000 at T = 8", "plans", || {
+        let set = PlanSet::new(task.clone(), 8, Semantics::Any, &limits).expect("within limits");
+        assert_eq!(set.count(), BigUint::from(858_375_000u32));
+        (set, 858_375_000)
+    });
+    for semantics in [Semantics::FirstGoal, Semantics::Simple] {
+        best(&format!("gripper-4, T = 13, {}", semantics.name()), "plans", || {
+            let set = PlanSet::new(gripper(4), 13, semantics, &limits).expect("within limits");
+            let plans = set.plans_flat(BigUint::default()..set.count(), &limits).expect("within limits");
+            let count = plans.len();
+            (plans, count)
+        });
+    }
+    let set = PlanSet::new(gripper(8), 23, Semantics::FirstGoal, &limits).expect("within limits");
+    println!("gripper-8, T = 23: {} plans", set.count());
+    let some = BigUint::default()..BigUint::from(10_000_000u32);
+    best("gripper-8, T = 23, listing", "plans", || {
+        let plans = set.plans_flat(some.clone(), &limits).expect("within limits");
+        let count = plans.len();
+        (plans, count)
+    });
+    let set = PlanSet::new(evening(), 8, Semantics::FirstGoal, &limits).expect("within limits");
+    best("evening, T = 8, listing", "plans", || {
+        let plans = set.plans_flat(some.clone(), &limits).expect("within limits");
+        let count = plans.len();
+        (plans, count)
+    });
+    best("evening, T = 8, as text", "plans", || {
+        let text = set.text(BigUint::default()..BigUint::from(2_000_000u32), &limits).expect("within limits");
+        (text, 2_000_000)
+    });
+    best("evening, T = 8, one by one", "plans", || {
+        let steps: usize = set.iter().take(1_000_000).map(|plan| plan.len()).sum();
+        (steps, 1_000_000)
+    });
+    best("evening, T = 8, draws", "plans", || (set.sample(1_000_000, 1, true, &limits).expect("not empty"), 1_000_000));
+}
