@@ -42,10 +42,12 @@ fn processor_seconds() -> f64 {
 
 fn main() {
     let limits = Limits::default();
+    // Kept alive, as the processor time of threads that ended is lost.
+    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
+    let pools = [1, 2].map(|threads| (threads, pool(threads)));
     for (name, task) in [("blocksworld-8", blocksworld(8)), ("gripper-8", gripper(8)), ("gripper-12", gripper(12))] {
         println!("{name}: {} facts, {} operators", task.facts.len(), task.operators.len());
-        for threads in [1, 2] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
+        for (threads, pool) in &pools {
             let explore = || StateSpace::reachable(&task, Reach::default(), &limits).expect("within limits");
             best(&format!("{name}, breadth first, {threads} threads"), "states", || {
                 let space = pool.install(explore);
@@ -64,6 +66,12 @@ fn main() {
             let plan = shortest_plan(&task, None, &limits).expect("within limits").expect("solvable");
             let steps = plan.len();
             (plan, steps)
+        });
+    }
+    for (name, task, horizon) in [("blocksworld-4", blocksworld(4), 7), ("gripper-2", gripper(2), 7)] {
+        best(&format!("{name}, T = {horizon}, building"), "sets", || {
+            let build = |_| PlanSet::new(task.clone(), horizon, Semantics::FirstGoal, &limits).expect("within limits");
+            ((0..1000).map(build).map(|set| set.counts().len()).sum::<usize>(), 1000)
         });
     }
     let task = evening();
