@@ -1,10 +1,10 @@
 //! The nearest of many names to a misspelt one.
 
 /// The candidate nearest to `name` by edit distance (insert, delete, replace, swap neighbours), if any is near enough
-/// to be what was meant: at most a third of the name's length, and at least one edit. The first of equals.
+/// to be what was meant: about a third of the name's length, none for single letters. The first of equals.
 pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let wanted: Vec<char> = name.chars().collect();
-    let limit = (wanted.len() / 3).max(1);
+    let limit = wanted.len().div_ceil(3).min(wanted.len() / 2);
     let mut best: Option<(usize, &str)> = None;
     for candidate in candidates {
         let bound = best.map_or(limit, |(distance, _)| distance - 1);
@@ -56,6 +56,6 @@ mod tests {
         assert_eq!(nearest("holdnig", ["handempty", "holding"]).as_deref(), Some("holding"));
         assert_eq!(nearest("on", ["in", "ontable"]).as_deref(), Some("in"));
         assert_eq!(nearest("clear", ["holding", "on"]), None);
-        assert_eq!(nearest("x", []), None);
+        assert_eq!(nearest("x", ["y"]), None);
     }
 }

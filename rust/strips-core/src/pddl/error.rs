@@ -113,7 +113,7 @@ pub enum PddlErrorKind {
         feature: &'static str,
     },
     /// A name that nothing declares.
-    #[error("undeclared {what} `{name}`")]
+    #[error("{} {what} `{name}`", if *.what == Declaration::Section { "unknown" } else { "undeclared" })]
     Undeclared {
         /// What kind of name.
         what: Declaration,
@@ -141,13 +141,13 @@ pub enum PddlErrorKind {
         found: usize,
     },
     /// An argument that is not of the declared type.
-    #[error("`{term}` is of type {found}, but `{name}` takes {wanted} here")]
+    #[error("`{term}` is of type {found}, but {name} takes {wanted} here")]
     WrongType {
         /// The argument.
         term: String,
         /// Its type.
         found: String,
-        /// The predicate or function.
+        /// What takes the argument.
         name: String,
         /// The type of the parameter.
         wanted: String,

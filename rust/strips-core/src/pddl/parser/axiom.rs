@@ -63,7 +63,7 @@ impl<'a> Names<'a> {
         let kind = PddlErrorKind::WrongType {
             term: format!("?{}", parameter.name),
             found: type_text(&self.types, &parameter.types),
-            name: name.to_owned(),
+            name: format!("`{name}`"),
             wanted: type_text(&self.types, &wanted.types),
         };
         Err(Fault::new(kind, parameter.span))

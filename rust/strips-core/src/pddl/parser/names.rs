@@ -126,7 +126,7 @@ impl<'a> Names<'a> {
 
     fn wrong_type(&self, name: &str, item: Item, found: &[TypeId], wanted: &[TypeId]) -> Fault {
         let (found, wanted) = (type_text(&self.types, found), type_text(&self.types, wanted));
-        let (term, name) = (item.text().to_owned(), name.to_owned());
+        let (term, name) = (item.text().to_owned(), format!("`{name}`"));
         Fault::new(PddlErrorKind::WrongType { term, found, name, wanted }, item.span())
     }
 

@@ -51,7 +51,10 @@ impl<'t> Types<'t> {
 
     fn declare(&mut self, name: &'t str, span: Span) {
         let next = TypeId::from(self.list.len());
-        if *self.ids.entry(name).or_insert(next) == next {
+        let id = *self.ids.entry(name).or_insert(next);
+        if id == TypeId::OBJECT {
+            self.list[0].span = span;
+        } else if id == next {
             self.list.push(Type { name: name.to_owned(), parents: Vec::new(), span });
         }
     }

@@ -1,0 +1,6 @@
+(define (domain broken)
+  (:requirements :strips :typing :negative-preconditions)
+  (:types block table - object)
+  (:constants floor - table)
+  (:predicates (on ?x - block ?y - object) (clear ?x - object) (holding ?x - block) (above ?x ?y - block))
+  (:derived (above ?x - block) (clear ?x)))

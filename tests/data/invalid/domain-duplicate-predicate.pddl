@@ -1,0 +1,2 @@
+(define (domain broken)
+  (:predicates (p) (q) (P ?x)))

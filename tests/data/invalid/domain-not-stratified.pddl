@@ -1,0 +1,4 @@
+(define (domain broken)
+  (:predicates (p) (q) (r))
+  (:derived (p) (q))
+  (:derived (q) (not (p))))

@@ -1,0 +1,1 @@
+(define (problem x) (:domain y))

@@ -1,0 +1,9 @@
+(define (domain broken)
+  (:requirements :strips :typing :negative-preconditions)
+  (:types block table - object)
+  (:constants floor - table)
+  (:predicates (on ?x - block ?y - object) (clear ?x - object) (holding ?x - block) (above ?x ?y - block))
+  (:action lift
+    :parameters (?x - block)
+    :precondition (clear ?x)
+    :effect (increase (total-cost) (weight ?x))))

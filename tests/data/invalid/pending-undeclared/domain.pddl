@@ -1,0 +1,5 @@
+(define (domain pending)
+  (:requirements :strips :typing)
+  (:types place)
+  (:predicates (at ?p - place))
+  (:action leave :effect (not (at home))))

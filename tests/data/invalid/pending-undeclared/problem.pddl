@@ -1,0 +1,5 @@
+(define (problem pending)
+  (:domain pending)
+  (:objects hone - place)
+  (:init)
+  (:goal (and)))

@@ -1,0 +1,5 @@
+(define (problem pending)
+  (:domain pending)
+  (:objects home)
+  (:init)
+  (:goal (and)))

@@ -1,0 +1,5 @@
+(define (problem broken)
+  (:domain blocks)
+  (:objects a b - block)
+  (:init (clear b))
+  (:goal clear a))

@@ -1,0 +1,1 @@
+(define (problem broken) (:domain blocks) (:goal (and)))

@@ -1,0 +1,5 @@
+(define (problem broken)
+  (:domain blocks)
+  (:objects a b1 b2 - block)
+  (:init (clear bb))
+  (:goal (clear a)))

@@ -1,0 +1,5 @@
+(define (problem broken)
+  (:domain blocks)
+  (:objects a b - blocks)
+  (:init (clear b))
+  (:goal (clear a)))

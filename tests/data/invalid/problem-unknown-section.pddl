@@ -1,0 +1,6 @@
+(define (problem broken)
+  (:domain blocks)
+  (:objects a b - block)
+  (:init (clear b))
+  (:goal (clear a))
+  (:gaol (clear a)))

@@ -1,0 +1,5 @@
+(define (problem broken)
+  (:domain blocks)
+  (:objects a b - block c)
+  (:init (clear c))
+  (:goal (clear a)))

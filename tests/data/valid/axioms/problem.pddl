@@ -1,0 +1,5 @@
+(define (problem island)
+  (:domain axioms)
+  (:objects p q r s - place)
+  (:init (at p) (road p q) (road q r) (road r s) (broken r s))
+  (:goal (and (at s) (not (cut-off s)))))

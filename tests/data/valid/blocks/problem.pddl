@@ -1,0 +1,5 @@
+(define (problem tower)
+  (:domain blocks)
+  (:objects a b c - block)
+  (:init (on-table a) (on b a) (on-table c) (clear b) (clear c) (hand-empty))
+  (:goal (and (on a b) (on b c))))

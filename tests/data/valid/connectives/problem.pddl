@@ -1,0 +1,5 @@
+(define (problem lights)
+  (:domain connectives)
+  (:objects hall attic cellar - room l1 l2 - lamp)
+  (:init (at hall) (joined hall attic) (joined hall cellar) (in l1 attic) (in l2 cellar) (dark attic) (dark cellar) (dark hall))
+  (:goal (and (done) (forall (?x - lamp) (lit ?x)) (not (at attic)) (or (at hall) (at cellar)))))

@@ -1,0 +1,7 @@
+(define (problem trip)
+  (:domain costs)
+  (:objects a b c - town)
+  (:init (= (total-cost) 0) (at a) (road a b) (road b c) (road a c)
+         (= (distance a b) 3) (= (distance b c) 4) (= (distance a c) 12.25))
+  (:goal (and (at c) (rested)))
+  (:metric minimize (total-cost)))

@@ -1,0 +1,5 @@
+(define (problem coast)
+  (:domain hierarchy)
+  (:objects duck - amphibian garage beach - area crate - thing)
+  (:init (at duck base) (at spare beach) (on crate beach))
+  (:goal (and (parked duck) (afloat spare))))

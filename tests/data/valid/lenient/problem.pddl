@@ -1,0 +1,6 @@
+(define (problem lenient-1)
+	(:domain LENIENT)
+	(:objects plane - AIRCRAFT town plane - aircraft)
+	(:init (aircraft plane) (aircraft plane) (not (ready)))
+	(:goal (at plane town))
+	(:length (:serial 3)))
