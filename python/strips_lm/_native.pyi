@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "CanonicalCodec",
+    "Completion",
     "DataError",
     "Domain",
+    "Legend",
     "LimitError",
     "PddlError",
     "PlanIterator",
@@ -20,6 +23,8 @@ __all__ = [
     "Problem",
     "Task",
     "__version__",
+    "parse_completions",
+    "split_texts",
 ]
 __version__: str
 
@@ -213,3 +218,111 @@ class Plans:
     def __getitem__(self, index: int, /) -> _Plan: ...
     def text(self) -> str:
         """The plans in IPC form, a block each, blocks separated by a blank line."""
+
+_TextAtom = tuple[str, list[str]]
+"""An atom as it stands in a text: name and arguments."""
+
+@final
+class Completion:
+    """A completion as far as it makes sense."""
+
+    @property
+    def steps(self) -> list[tuple[_TextAtom, list[_TextAtom] | None]]:
+        """For each step the action and the state after it, if the text says one."""
+    @property
+    def finished(self) -> bool:
+        """Whether the end token was reached."""
+    @property
+    def malformed(self) -> tuple[int, str] | None:
+        """Byte offset of what cannot be read, and what was expected there."""
+
+def parse_completions(texts: Sequence[str]) -> list[Completion]:
+    """Reads completions; never fails, but says how far each makes sense."""
+
+def split_texts(texts: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Parts each text into prompt and completion, without the space between them."""
+
+@final
+class Legend:
+    """What canonical words leave out of a text: names, words, and what the words cannot say."""
+
+    @property
+    def names(self) -> list[str]:
+        """The object of each slot."""
+    @property
+    def words(self) -> list[str]:
+        """The word for each action of the domain."""
+    def to_json(self) -> str:
+        """The legend as JSON."""
+    @staticmethod
+    def from_json(text: str) -> Legend:
+        """The legend that `to_json` wrote.
+
+        Raises:
+            DataError: the text is something else.
+        """
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class CanonicalCodec:
+    """Rewrites texts into few words of a small vocabulary, and back without losing a byte."""
+
+    def __new__(
+        cls, domain: Domain, lexicon: str | None = None, *, layout: Literal["difference", "report"] = "difference"
+    ) -> CanonicalCodec:
+        """The codec of a domain, with the words that a lexicon (TOML) gives for its actions.
+
+        Raises:
+            DataError: the lexicon is no TOML.
+        """
+    @staticmethod
+    def of_domains(
+        domains: Sequence[tuple[Domain, str | None]], *, layout: Literal["difference", "report"] = "difference"
+    ) -> CanonicalCodec:
+        """The codec of several domains, each with its lexicon, in the order that `domains` of `encode` counts."""
+    @staticmethod
+    def from_json(text: str) -> CanonicalCodec:
+        """The codec that `to_json` wrote.
+
+        Raises:
+            DataError: the text is something else.
+        """
+    def to_json(self) -> str:
+        """Everything the codec knows, as JSON."""
+    @property
+    def layout(self) -> Literal["difference", "report"]:
+        """How much the rewriting takes out."""
+    def vocabulary(self, max_slots: int = 0) -> list[str]:
+        """All words in the order of their ids, the slots `o0`, … last."""
+    @property
+    def first_slot(self) -> int:
+        """The id of slot 0; slot `n` is `n` more."""
+    def encode(
+        self,
+        texts: Sequence[str],
+        words: Sequence[Sequence[str]] | None = None,
+        names: Sequence[Sequence[str]] | None = None,
+        goal_styles: Sequence[str] | None = None,
+        domains: Sequence[int] | None = None,
+    ) -> tuple[list[str], list[Legend]]:
+        """Words, joined by single spaces, and a legend for each text.
+
+        By row, and optional: the word for each action, object names in order of declaration, `state` or `problem`, and
+        the number of the domain. A prompt's words are the same with and without a completion after it.
+        """
+    def encode_ids(
+        self,
+        texts: Sequence[str],
+        words: Sequence[Sequence[str]] | None = None,
+        names: Sequence[Sequence[str]] | None = None,
+        goal_styles: Sequence[str] | None = None,
+        domains: Sequence[int] | None = None,
+    ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], list[Legend]]:
+        """As `encode`, with ids for words: (ids, where each row starts and the total, words of each prompt, legends)."""
+    def decode(self, rows: Sequence[str], legends: Sequence[Legend]) -> list[str]:
+        """The texts of rows of words; never fails. What makes no sense is written as its bare words."""
+    def decode_completions(
+        self, prompts: Sequence[Sequence[int]], completions: Sequence[Sequence[int]], legends: Sequence[Legend]
+    ) -> list[str]:
+        """The texts of completions alone, from the ids of their prompts and of their own words; never fails."""

@@ -8,6 +8,7 @@ mod operators;
 mod pddl;
 mod plan_set;
 mod task;
+mod text;
 
 use pyo3::pymodule;
 
@@ -23,6 +24,8 @@ mod _native {
     use crate::plan_set::{PlanIterator, PlanSet, Plans};
     #[pymodule_export]
     use crate::task::Task;
+    #[pymodule_export]
+    use crate::text::{CanonicalCodec, Completion, Legend, parse_completions, split_texts};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use crate::pddl::ast::{Atom, Condition, Domain, GroundAtom, Object, ObjectId, Parameter, Problem, Term, TypeId};
+use crate::pddl::ast::{Atom, Condition, Domain, GroundAtom, Object, ObjectId, Parameter, Problem, Term};
 
 /// The goal as a conjunction of literals in order of writing, or `None` where it is none.
 ///
@@ -48,7 +48,7 @@ impl GoalReader<'_> {
     fn spell_out(&mut self, parameters: &[Parameter], body: &Condition, positive: bool) -> ControlFlow<()> {
         let Some((first, others)) = parameters.split_first() else { return self.read(body, positive) };
         for object in (0..self.objects.len()).map(ObjectId::from) {
-            if accepts(self.domain, &first.types, &self.objects[object.index()]) {
+            if self.domain.accepts(&first.types, &self.objects[object.index()]) {
                 self.bindings.push(object);
                 self.spell_out(others, body, positive)?;
                 self.bindings.pop();
@@ -69,23 +69,4 @@ impl GoalReader<'_> {
             Term::Variable(variable) => self.bindings[variable.index()],
         }
     }
-}
-
-/// Whether some type of the object is a kind of some wanted type.
-fn accepts(domain: &Domain, wanted: &[TypeId], object: &Object) -> bool {
-    object.types.iter().any(|&kind| wanted.iter().any(|&goal| is_kind_of(domain, kind, goal)))
-}
-
-fn is_kind_of(domain: &Domain, kind: TypeId, wanted: TypeId) -> bool {
-    let mut seen = vec![false; domain.types.len()];
-    let mut open = vec![kind];
-    while let Some(current) = open.pop() {
-        if current == wanted || wanted == TypeId::OBJECT {
-            return true;
-        }
-        if !std::mem::replace(&mut seen[current.index()], true) {
-            open.extend(&domain.types[current.index()].parents);
-        }
-    }
-    false
 }

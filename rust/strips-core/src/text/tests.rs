@@ -3,11 +3,11 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::pddl::ast::{Action, Condition, Domain, Effect, Object, Parameter, Predicate, Type, TypeId};
+use crate::pddl::ast::{Action, Atom, Condition, Domain, Effect, Object, Parameter, Predicate, Type, TypeId};
 use crate::pddl::ast::{ActionId, GroundAtom, ObjectId, PredicateId};
 use crate::span::Span;
 
-/// The manipulation domain's signature, without what actions do: text needs no more.
+/// The manipulation domain's signature; of what actions do, only which predicates they change.
 pub(crate) fn manipulation() -> Domain {
     let kind = |name: &str, parent: Option<u32>| Type {
         name: name.into(),
@@ -25,7 +25,7 @@ pub(crate) fn manipulation() -> Domain {
         name: (*name).into(),
         parameters: parameters(*arity),
         precondition: Condition::And(vec![]),
-        effect: Effect::And(vec![]),
+        effect: Effect::And((0..5).map(|id| Effect::Add(Atom { predicate: PredicateId(id), terms: vec![] })).collect()),
         span: Span::default(),
     };
     Domain {
@@ -85,8 +85,10 @@ pub(crate) const FIGURE_4: &str = "<|startoftext|> \
     <STATE> inworkspace(table), inworkspace(teabag), inworkspace(cup), on(teabag, cup), on(cup, table), opened(cup) \
     <|endoftext|>";
 
+type Step = (ActionId, Vec<ObjectId>, Vec<GroundAtom>);
+
 /// Figure 4's problem: objects (table 0, teabag 1, cup 2, shelf 3), initial state, and the five steps.
-fn figure_4() -> (Vec<Object>, Vec<GroundAtom>, Vec<(ActionId, Vec<ObjectId>, Vec<GroundAtom>)>) {
+fn figure_4() -> (Vec<Object>, Vec<GroundAtom>, Vec<Step>) {
     let objects = vec![object("table", 3), object("teabag", 2), object("cup", 6), object("shelf", 3)];
     let workspace = [atom(1, &[0]), atom(1, &[1]), atom(1, &[2])];
     let state = |before: &[GroundAtom], after: &[GroundAtom]| [before, &workspace, after].concat();

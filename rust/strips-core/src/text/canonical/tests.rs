@@ -1,0 +1,294 @@
+//! The rewriting loses no byte, of whatever text; and what it writes is what the documentation says.
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+use super::*;
+use crate::text::tests::{FIGURE_4, manipulation};
+use crate::text::{GoalStyle, parse_completion, split_text};
+
+fn codec(layout: Layout) -> Codec {
+    let synonyms = vec![vec!["lift".into()], vec!["put".into()], vec![], vec![], vec![]];
+    Codec::new(&[(&manipulation(), synonyms)], layout)
+}
+
+fn hints() -> Hints<'static> {
+    Hints::default()
+}
+
+#[test]
+fn the_figure_in_canonical_words() {
+    let codec = codec(Layout::Difference);
+    let (words, legend) = codec.encode(FIGURE_4, &hints());
+    assert_eq!(
+        words,
+        "<|startoftext|> <INIT> inworkspace o0 inworkspace o1 inworkspace o2 on o1 o3 on o2 o3 \
+         <GOAL> goal+on o1 o2 goal+on o2 o0 goal+opened o2 goal-on o1 o3 goal-on o2 o3 \
+         <ACTION> pick o2 <STATE> +inhand o2 -on o2 o3 <ACTION> place o2 o0 <STATE> +on o2 o0 -inhand o2 \
+         <ACTION> open o2 <STATE> +opened o2 <ACTION> pick o1 <STATE> +inhand o1 -on o1 o3 \
+         <ACTION> place o1 o2 <STATE> +on o1 o2 -inhand o1 <|endoftext|>"
+    );
+    assert_eq!(legend.names, ["table", "teabag", "cup", "shelf"]);
+    assert_eq!(legend.words, ["lift", "put", "push", "open", "close"]);
+    assert!(legend.ranks.is_empty() && legend.exceptions.is_empty());
+    assert_eq!(codec.decode(&words, &legend), FIGURE_4);
+}
+
+#[test]
+fn the_figure_in_the_layout_of_the_report() {
+    let codec = codec(Layout::Report);
+    let (words, legend) = codec.encode(FIGURE_4, &hints());
+    assert!(words.starts_with("<|startoftext|> <GOAL> inworkspace o0 inworkspace o1 inworkspace o2 on o1 o2 on o2 o0"));
+    assert!(words.contains("<ACTION> pick o2 <STATE> inhand o2 inworkspace o0 inworkspace o1 inworkspace o2 on o1 o3"));
+    assert_eq!(codec.decode(&words, &legend), FIGURE_4);
+}
+
+const TYPED: &str = "<|startoftext|> <OBJECTS> table fixture, zorg vessel/tool, b container <VOCAB> pick lift, place hoist, \
+    push push, open open, close close <GOAL> on(zorg, table), not opened(b), not opened(zorg), inworkspace(table) \
+    <INIT> inworkspace(table), on(zorg, b), opened(b)";
+
+#[test]
+fn a_partial_goal_says_what_holds_already() {
+    let codec = codec(Layout::Difference);
+    let (words, legend) = codec.encode(TYPED, &hints());
+    assert_eq!(
+        words,
+        "<|startoftext|> <OBJECTS> o0 fixture o1 vessel tool o2 container \
+         <INIT> inworkspace o0 on o1 o2 opened o2 \
+         <GOAL> <partial> goal+on o1 o0 goal-opened o2 goal!opened o1 goal=inworkspace o0"
+    );
+    assert_eq!(legend.words, ["lift", "hoist", "push", "open", "close"]);
+    assert_eq!(codec.decode(&words, &legend), TYPED);
+}
+
+#[test]
+fn the_words_of_a_prompt_do_not_depend_on_what_follows() {
+    for layout in [Layout::Difference, Layout::Report] {
+        let codec = codec(layout);
+        let text = format!("{TYPED} <ACTION> hoist(new, zorg) <STATE> on(b, new), on(b, b), on(b, a) <|endoftext|>");
+        let (prompt, all) = (codec.encode(TYPED, &hints()).0, codec.encode(&text, &hints()).0);
+        assert!(all.starts_with(&format!("{prompt} <ACTION> place o3 o1 <STATE>")), "{all}");
+        let (prompt, all) = (codec.encode(split_text(FIGURE_4).0, &hints()).0, codec.encode(FIGURE_4, &hints()).0);
+        assert!(all.starts_with(&prompt));
+    }
+}
+
+#[test]
+fn a_models_words_become_text_with_the_prompts_names() {
+    let codec = codec(Layout::Difference);
+    let (prompt, legend) = codec.encode(TYPED, &hints());
+    let text = codec.decode(&format!("{prompt} <ACTION> pick o1 <STATE> +inhand o1 -on o1 o2 <|endoftext|>"), &legend);
+    let completion = "<ACTION> lift(zorg) <STATE> inhand(zorg), inworkspace(table), opened(b) <|endoftext|>";
+    assert_eq!(text, format!("{TYPED} {completion}"));
+}
+
+#[test]
+fn words_that_make_no_sense_are_told_at_their_place() {
+    let codec = codec(Layout::Difference);
+    let (prompt, legend) = codec.encode(TYPED, &hints());
+    let prompt = codec.vocabulary().ids(&prompt, &mut vec![]);
+    let cases = [
+        ("<ACTION> pick o1 <STATE> +inhand o1 -on o1", 1, "<STATE> +inhand"),
+        ("<ACTION> pick o1 <STATE> +inhand o1 o2 <|endoftext|>", 1, "<STATE> +inhand"),
+        ("<ACTION> o1 <STATE> <|endoftext|>", 0, "<ACTION> o1"),
+        ("<ACTION> <STATE> <|endoftext|>", 0, "<ACTION>"),
+        ("pick o1 <ACTION>", 0, ""),
+        ("<ACTION> pick o1 <STATE> <raw> <|endoftext|>", 1, "<STATE> "),
+        ("<ACTION> pick o1 <STATE> goal+on o1 o0 <|endoftext|>", 1, "<STATE> goal+on"),
+    ];
+    for (words, steps, until) in cases {
+        let text = codec.decode_completion(&prompt, &codec.vocabulary().ids(words, &mut vec![]), &legend);
+        let completion = parse_completion(&text);
+        let malformed = completion.malformed.unwrap_or_else(|| panic!("{text}"));
+        assert_eq!((completion.steps.len(), completion.finished), (steps, false), "{text}");
+        assert!(text[..malformed.offset].trim_end().ends_with(until.trim_end()), "{text}: {malformed}");
+    }
+    let unknown = codec.decode_completion(&prompt, &codec.vocabulary().ids("<ACTION> pick o9", &mut vec![]), &legend);
+    assert_eq!(unknown, "<ACTION> lift(#9)");
+}
+
+#[test]
+fn names_tell_the_order_of_atoms_where_the_prompt_does_not() {
+    let codec = codec(Layout::Difference);
+    let prompt = "<|startoftext|> <GOAL> inworkspace(b), inworkspace(a) <INIT> on(a, b)";
+    let names = vec!["b".to_owned(), "a".to_owned()];
+    let hints = Hints { names: Some(&names), goal_style: Some(GoalStyle::State), ..hints() };
+    let (words, legend) = codec.encode(prompt, &hints);
+    assert_eq!(legend.ranks, [1, 0]);
+    assert!(legend.exceptions.is_empty());
+    let text = codec.decode(&format!("{words} <ACTION> open o0 <STATE> +opened o0 +opened o1 -on o0 o1"), &legend);
+    assert_eq!(text, format!("{prompt} <ACTION> open(a) <STATE> opened(b), opened(a)"));
+}
+
+#[test]
+fn sorted_states_tell_the_order_of_objects() {
+    let codec = codec(Layout::Difference);
+    let text = "<|startoftext|> <GOAL> inhand(c), on(a, c) <INIT> on(a, c), opened(b) <ACTION> open(a) \
+        <STATE> inworkspace(c), inworkspace(b), inworkspace(a) <|endoftext|>";
+    let (words, legend) = codec.encode(text, &hints());
+    assert!(legend.exceptions.is_empty() && !words.contains("<whole>"), "{words}");
+    assert_eq!(codec.decode(&words, &legend), text);
+}
+
+#[test]
+fn a_saved_codec_writes_the_same_words() {
+    let codec = codec(Layout::Difference);
+    let again = Codec::from_json(&codec.to_json()).unwrap();
+    assert_eq!(again.vocabulary().words(), codec.vocabulary().words());
+    assert_eq!(again.encode(FIGURE_4, &hints()), codec.encode(FIGURE_4, &hints()));
+    assert!(Codec::from_json("{}").is_err());
+    let (_, legend) = codec.encode(TYPED, &hints());
+    assert_eq!(serde_json::from_str::<Legend>(&serde_json::to_string(&legend).unwrap()).unwrap(), legend);
+}
+
+#[test]
+fn several_domains_share_one_vocabulary() {
+    let mut other = manipulation();
+    other.name = "other".into();
+    other.predicates.swap(0, 2);
+    other.predicates[1].name = "o1".into();
+    let codec = Codec::new(&[(&manipulation(), vec![]), (&other, vec![])], Layout::Difference);
+    let text =
+        "<|startoftext|> <GOAL> o1(o1) <INIT> on(x, o1), inhand(x) <ACTION> pick(x) <STATE> o1(o1) <|endoftext|>";
+    let (words, legend) = codec.encode(text, &Hints { domain: 1, ..hints() });
+    assert!(words.ends_with("<ACTION> pick o0 <STATE> +o1' o1 -on o0 o1 -inhand o0 <|endoftext|>"), "{words}");
+    assert_eq!(codec.decode(&words, &legend), text);
+    let domains = [0, 1];
+    let rows = codec.encode_batch(&[FIGURE_4, text], &Rows { domains: Some(&domains), ..Rows::default() });
+    assert_eq!(rows[1], (words, legend));
+}
+
+#[test]
+fn ids_and_words_agree() {
+    let codec = codec(Layout::Difference);
+    let all = codec.encode_ids_batch(&[FIGURE_4, TYPED], &Rows::default());
+    assert_eq!(codec.vocabulary().join(&all.ids[..all.offsets[1]]), codec.encode(FIGURE_4, &hints()).0);
+    assert_eq!(all.prompt_lengths[1], all.offsets[2] - all.offsets[1]);
+    assert_eq!(codec.decode_ids(&all.ids[all.offsets[1]..], &all.legends[1]), TYPED);
+    let words = codec.vocabulary().with_slots(70_000);
+    assert!(words.iter().take(65_000).enumerate().all(|(id, word)| codec.vocabulary().id(word) == Some(id as Word)));
+}
+
+/// Names, some of them nasty.
+fn name() -> impl Strategy<Value = String> {
+    prop_oneof![
+        6 => "[a-e]",
+        1 => Just("o0".to_owned()),
+        1 => Just("#3".to_owned()),
+        1 => Just("pick".to_owned()),
+        1 => "[a-zé/'+!-]{1,4}",
+    ]
+}
+
+fn atom() -> impl Strategy<Value = String> {
+    let predicate = prop_oneof![
+        8 => proptest::sample::select(vec![("inhand", 1), ("inworkspace", 1), ("on", 2), ("in", 2), ("opened", 1)]),
+        1 => Just(("near", 2)),
+        1 => Just(("on", 3)),
+        1 => Just(("inhand", 0)),
+    ];
+    predicate.prop_flat_map(|(predicate, arity)| {
+        vec(name(), arity).prop_map(move |args| format!("{predicate}({})", args.join(", ")))
+    })
+}
+
+fn atoms() -> impl Strategy<Value = String> {
+    vec(atom(), 0..6).prop_map(|atoms| atoms.join(", "))
+}
+
+/// A state in canonical order, or one that is not.
+fn state() -> impl Strategy<Value = String> {
+    let known = proptest::sample::subsequence(
+        vec!["inhand(a)", "inworkspace(a)", "inworkspace(b)", "on(a, b)", "on(b, a)", "opened(a)", "opened(b)"],
+        0..7,
+    );
+    prop_oneof![3 => known.prop_map(|atoms| atoms.join(", ")), 1 => atoms()]
+}
+
+fn goal() -> impl Strategy<Value = String> {
+    let literal =
+        (any::<bool>(), atom()).prop_map(|(positive, atom)| if positive { atom } else { format!("not {atom}") });
+    prop_oneof![state(), vec(literal, 0..5).prop_map(|literals| literals.join(", "))]
+}
+
+fn segment(marker: &'static str, content: impl Strategy<Value = String>) -> impl Strategy<Value = String> {
+    content.prop_map(move |content| if content.is_empty() { marker.to_owned() } else { format!("{marker} {content}") })
+}
+
+fn pairs(second: &'static str) -> impl Strategy<Value = String> {
+    vec((name(), second.prop_map(|word| word)), 0..5)
+        .prop_map(|pairs| pairs.iter().map(|(a, b)| format!("{a} {b}")).collect::<Vec<_>>().join(", "))
+}
+
+fn prompt() -> impl Strategy<Value = String> {
+    let objects = proptest::option::of(segment("<OBJECTS>", pairs("vessel|tool|tool/movable|gizmo")));
+    let vocab = proptest::option::of(segment("<VOCAB>", pairs("lift|put|x[a-c]")));
+    (objects, vocab, segment("<GOAL>", goal()), segment("<INIT>", state())).prop_map(|(objects, vocab, goal, init)| {
+        let parts = [Some("<|startoftext|>".to_owned()), objects, vocab, Some(goal), Some(init)];
+        parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
+    })
+}
+
+fn completion() -> impl Strategy<Value = String> {
+    let word = proptest::sample::select(vec!["pick", "lift", "put", "place", "open", "juggle", "xa"]);
+    let action = (word, vec(name(), 0..4)).prop_map(|(word, args)| format!("{word}({})", args.join(", ")));
+    let step = (segment("<ACTION>", action), segment("<STATE>", state())).prop_map(|(a, s)| format!("{a} {s}"));
+    (vec(step, 0..5), any::<bool>()).prop_map(|(mut steps, end)| {
+        steps.extend(end.then(|| "<|endoftext|>".to_owned()));
+        steps.join(" ")
+    })
+}
+
+/// Any text of the format, sometimes cut off, sometimes with a stray piece in it.
+fn text() -> impl Strategy<Value = String> {
+    let stray =
+        proptest::sample::select(vec![" ", "  ", "<STATE>", " <ACTION> ", "(", ",", "\n", "<|endoftext|>", " <GOAL> "]);
+    let damage = proptest::option::weighted(0.3, (any::<prop::sample::Index>(), proptest::option::of(stray)));
+    (prompt(), completion(), damage).prop_map(|(prompt, completion, damage)| {
+        let text = if completion.is_empty() { prompt } else { format!("{prompt} {completion}") };
+        let Some((place, stray)) = damage else { return text };
+        let cut = (0..=text.len()).filter(|&i| text.is_char_boundary(i)).collect::<Vec<_>>();
+        let (before, after) = text.split_at(cut[place.index(cut.len())]);
+        stray.map_or_else(|| before.to_owned(), |stray| format!("{before}{stray}{after}"))
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    #[test]
+    fn decoding_what_was_encoded_gives_the_text_back_to_the_byte(text in text(), names in vec(name(), 0..4), told in any::<bool>()) {
+        for layout in [Layout::Difference, Layout::Report] {
+            let codec = codec(layout);
+            let style = told.then_some(GoalStyle::State);
+            for hints in [hints(), Hints { names: Some(&names), words: Some(&names), goal_style: style, domain: 0 }] {
+                let (words, legend) = codec.encode(&text, &hints);
+                prop_assert_eq!(codec.decode(&words, &legend), text.as_str(), "{} {:?}", words, legend);
+                prop_assert!(!words.contains("  ") && words.split(' ').all(|word| codec.vocabulary().id(word).is_some()));
+                let (prompt, rest) = words.split_at(words.find("<ACTION>").unwrap_or(words.len()));
+                let read = |words| codec.vocabulary().ids(words, &mut vec![]);
+                let completion = codec.decode_completion(&read(prompt), &read(rest), &legend);
+                prop_assert!(text.ends_with(&completion));
+            }
+        }
+    }
+
+    #[test]
+    fn any_string_at_all_is_given_back(text in "(<[A-Z]{4,6}>| |on\\(a, b\\)|<\\|startoftext\\|>|[a-c<>(), é])*") {
+        let codec = codec(Layout::Difference);
+        let (words, legend) = codec.encode(&text, &hints());
+        prop_assert_eq!(codec.decode(&words, &legend), text);
+    }
+
+    #[test]
+    fn any_words_at_all_are_decoded(words in vec(0u32..80, 0..40), prompt in prompt()) {
+        for layout in [Layout::Difference, Layout::Report] {
+            let codec = codec(layout);
+            let mut ids = Vec::new();
+            let legend = codec.encode_into(&prompt, &hints(), &mut ids);
+            let completion = codec.decode_completion(&ids, &words, &legend);
+            let _ = parse_completion(&completion);
+            let _ = codec.decode(&codec.vocabulary().join(&words), &legend);
+        }
+    }
+}
