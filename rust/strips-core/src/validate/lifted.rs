@@ -1,4 +1,4 @@
-//! PDDL evaluated as it is written, without grounding: the slow twin of the grounded task, and the source of evidence.
+//! PDDL evaluated as it is written, without grounding: the source of evidence.
 //!
 //! Knows which atoms are true through [`Truth`]; quantifiers run over the problem's objects. The price is that of the
 //! definition: every binding is tried.
@@ -147,64 +147,6 @@ impl<'d> Lifted<'d> {
         let mut world = task.atoms(state).into_iter().collect();
         self.derive(&mut world);
         world
-    }
-
-    /// The world at the start.
-    #[cfg(test)]
-    pub(super) fn init(&self) -> World {
-        let mut world = self.problem.init.iter().cloned().collect();
-        self.derive(&mut world);
-        world
-    }
-
-    /// The world after an action: deletes, then adds, then axioms.
-    #[cfg(test)]
-    pub(super) fn successor(&self, action: crate::pddl::ast::ActionId, args: &[ObjectId], world: &World) -> World {
-        let (mut adds, mut deletes) = (Vec::new(), Vec::new());
-        let effect = &self.domain.actions[action.index()].effect;
-        self.effects(effect, &mut args.to_vec(), world, &mut adds, &mut deletes);
-        let mut next = world.clone();
-        next.retain(|atom| !self.domain.predicates[atom.predicate.index()].derived);
-        deletes.iter().for_each(|atom| {
-            next.remove(atom);
-        });
-        next.extend(adds);
-        self.derive(&mut next);
-        next
-    }
-
-    /// Collects what fires.
-    #[cfg(test)]
-    fn effects(
-        &self,
-        effect: &crate::pddl::ast::Effect,
-        binding: &mut Vec<ObjectId>,
-        world: &World,
-        adds: &mut Vec<GroundAtom>,
-        deletes: &mut Vec<GroundAtom>,
-    ) {
-        use crate::pddl::ast::Effect;
-        let atom = |atom: &crate::pddl::ast::Atom, binding: &[ObjectId]| GroundAtom {
-            predicate: atom.predicate,
-            args: ground(&atom.terms, binding),
-        };
-        match effect {
-            Effect::And(parts) => parts.iter().for_each(|part| self.effects(part, binding, world, adds, deletes)),
-            Effect::Add(added) => adds.push(atom(added, binding)),
-            Effect::Delete(deleted) => deletes.push(atom(deleted, binding)),
-            Effect::When(condition, effect) => {
-                if self.holds(condition, binding, world) {
-                    self.effects(effect, binding, world, adds, deletes);
-                }
-            }
-            Effect::Forall(parameters, body) => {
-                self.some_binding(parameters, binding, &mut |binding| {
-                    self.effects(body, binding, world, adds, deletes);
-                    false
-                });
-            }
-            Effect::IncreaseCost(_) => {}
-        }
     }
 
     /// Adds the derived atoms to a world of basic ones, stratum by stratum.
