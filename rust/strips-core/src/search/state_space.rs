@@ -171,15 +171,18 @@ pub(super) fn padded(state: &State, width: usize) -> Vec<u64> {
 
 /// Backward breadth-first search from the goal states over the reversed links; `u32::MAX` for no path.
 fn distances(explored: &Explored, bound: &GoalBound, width: usize, watch: &Watch) -> Result<Vec<u32>, LimitError> {
-    let is_goal: Vec<bool> = explored.states.par_chunks_exact(width).map(|words| bound.is_goal(words)).collect();
-    let mut distances: Vec<u32> = is_goal.iter().map(|&goal| if goal { 0 } else { u32::MAX }).collect();
-    let mut queue: VecDeque<u32> = (0..distances.len() as u32).filter(|&state| is_goal[state as usize]).collect();
+    let start = |words: &[u64]| if bound.is_goal(words) { 0 } else { u32::MAX };
+    let mut distances: Vec<u32> = explored.states.chunks_exact(width).map(start).collect();
+    let mut queue: VecDeque<u32> = (0..distances.len() as u32).filter(|&n| distances[n as usize] == 0).collect();
     if queue.is_empty() {
         return Ok(distances);
     }
-    let (ends, sources) = reversed(&explored.links, distances.len());
+    let (ends, sources) = reversed(&explored.links, distances.len(), watch)?;
     watch.check()?;
     while let Some(state) = queue.pop_front() {
+        if state % 4096 == 0 {
+            watch.check()?;
+        }
         let first = if state == 0 { 0 } else { ends[state as usize - 1] };
         for &source in &sources[first as usize..ends[state as usize] as usize] {
             if distances[source as usize] == u32::MAX {
@@ -192,18 +195,21 @@ fn distances(explored: &Explored, bound: &GoalBound, width: usize, watch: &Watch
 }
 
 /// For each state, where its sources end, and the sources.
-fn reversed(links: &Links, states: usize) -> (Vec<u64>, Vec<u32>) {
+fn reversed(links: &Links, states: usize, watch: &Watch) -> Result<(Vec<u64>, Vec<u32>), LimitError> {
     let mut ends = vec![0u64; states + 1];
     let kept = |&&target: &&u32| target != NOWHERE;
     links.targets.iter().filter(kept).for_each(|&target| ends[target as usize + 1] += 1);
     (0..states).for_each(|state| ends[state + 1] += ends[state]);
     let mut sources = vec![0; ends[states] as usize];
     for source in 0..links.ends.len() {
+        if source % 65_536 == 0 {
+            watch.check()?;
+        }
         for &target in links.of(source).iter().filter(kept) {
             let place = &mut ends[target as usize];
             sources[*place as usize] = source as u32;
             *place += 1;
         }
     }
-    (ends, sources)
+    Ok((ends, sources))
 }
