@@ -33,7 +33,7 @@ pub struct Step<'a> {
 /// use strips_core::text::parse_completion;
 /// let completion = parse_completion("<ACTION> lift(cup) <STATE> inhand(cup) <ACTION> put(cup, <STATE>");
 /// assert_eq!(completion.steps.len(), 1);
-/// assert_eq!(completion.malformed.map(|malformed| malformed.offset), Some(52));
+/// assert_eq!(completion.malformed.map(|malformed| malformed.offset), Some(57));
 /// ```
 pub fn parse_completion(text: &str) -> Completion<'_> {
     let mut completion = Completion::default();
