@@ -13,7 +13,19 @@ from strips_lm._native import (
     PlanSet,
     Problem,
     Task,
+    Verdict,
     __version__,
 )
 
-__all__ = ["DataError", "Domain", "LimitError", "PddlError", "PlanSet", "Plans", "Problem", "Task", "__version__"]
+__all__ = [
+    "DataError",
+    "Domain",
+    "LimitError",
+    "PddlError",
+    "PlanSet",
+    "Plans",
+    "Problem",
+    "Task",
+    "Verdict",
+    "__version__",
+]

@@ -4,16 +4,18 @@ Texts in, plans, counts and verdicts out. Every call that may be long leaves the
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, final, overload
+from typing import Literal, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "OUTCOMES",
     "CanonicalCodec",
     "Completion",
     "DataError",
     "Domain",
+    "Judgement",
     "Legend",
     "LimitError",
     "PddlError",
@@ -22,14 +24,20 @@ __all__ = [
     "Plans",
     "Problem",
     "Task",
+    "Verdict",
     "__version__",
+    "judge",
     "parse_completions",
+    "split_plans",
     "split_texts",
 ]
 __version__: str
 
-_Semantics = Literal["first-goal", "any", "simple"]
-_Plan = tuple[str, ...]
+OUTCOMES: list[str]
+"""Every outcome of a verdict; `outcomes` and `validate_ids` give positions in it."""
+
+_Semantics: TypeAlias = Literal["first-goal", "any", "simple"]
+_Plan: TypeAlias = tuple[str, ...]
 """Operator names, such as `("(pick cup)", "(place cup shelf)")`."""
 
 class PddlError(ValueError):
@@ -152,6 +160,23 @@ class Task:
             LimitError: more states than allowed, more memory or more seconds.
         """
 
+    def validate(self, text: str) -> Verdict:
+        """The verdict on a plan in IPC form."""
+    def validate_many(self, texts: Sequence[str]) -> list[Verdict]:
+        """The verdict on each plan, in order; in parallel."""
+    def outcomes(self, texts: Sequence[str]) -> NDArray[np.uint8]:
+        """The outcome of each plan, in order, as a position in `OUTCOMES`; in parallel."""
+    def validate_ids(
+        self, operators: NDArray[np.uint32], offsets: NDArray[np.int64]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.uint32]]:
+        """The outcome of each plan given as operator ids, plan `i` being `operators[offsets[i]:offsets[i + 1]]`.
+
+        Returns positions in `OUTCOMES`, and the step at fault (0 where there is none).
+
+        Raises:
+            ValueError: the offsets do not ascend within the operators.
+        """
+
 @final
 class PlanSet:
     """All plans of at most `max_steps` steps, shorter ones first, then in the order of their operators.
@@ -193,7 +218,7 @@ class PlanSet:
     def entropy(self) -> float:
         """The entropy, in nats, of a plan drawn uniformly."""
     def next_operators(self, prefix: Sequence[str | int]) -> list[tuple[int | None, int]]:
-        """What may follow a prefix of operators: (operator id, number of plans that go on so); the id `None` is the end."""
+        """What may follow a prefix of operators: (operator id, number of plans that go on so); `None` is the end."""
     def text(self, start: int | None = None, stop: int | None = None) -> str:
         """The plans from `start` to `stop` in IPC form, a block each, blocks separated by a blank line."""
 
@@ -219,7 +244,84 @@ class Plans:
     def text(self) -> str:
         """The plans in IPC form, a block each, blocks separated by a blank line."""
 
-_TextAtom = tuple[str, list[str]]
+@final
+class Verdict:
+    """What is wrong with a plan, and where; or that it is valid."""
+
+    @property
+    def outcome(self) -> str:
+        """`valid`, or what is wrong.
+
+        One of `syntax`, `unknown_action`, `unknown_object`, `arity`, `type`, `inapplicable` and `goal_not_reached`.
+        """
+    @property
+    def step(self) -> int | None:
+        """The step at fault, from 1; the plan's length + 1 for the goal; `None` for `valid` and `syntax`."""
+    @property
+    def line(self) -> int | None:
+        """The line at fault, from 1; `None` where there is none."""
+    @property
+    def missing(self) -> list[str]:
+        """The literals that do not hold and should, as PDDL."""
+    @property
+    def cost(self) -> float | None:
+        """Of a valid plan: what it raises `total-cost` by where the problem minimizes that, else its length."""
+    @property
+    def reason(self) -> str:
+        """What is wrong, in a sentence."""
+    @property
+    def is_valid(self) -> bool:
+        """Whether the plan is valid."""
+    def to_dict(self) -> dict[str, object]:
+        """The verdict as `validate --json` prints it."""
+
+@final
+class Judgement:
+    """What the oracle says of a generated text."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the plan; `syntax` where the text is malformed."""
+    @property
+    def plan(self) -> str:
+        """The plan in IPC form, in the domain's action names."""
+    @property
+    def finished(self) -> bool:
+        """Whether the text came to its end token."""
+    @property
+    def steps(self) -> int:
+        """How many steps the text has."""
+    @property
+    def executable_steps(self) -> int:
+        """How many of them can be applied, from the first."""
+    @property
+    def states_total(self) -> int:
+        """How many states the text says."""
+    @property
+    def states_right(self) -> int:
+        """How many of them are the true ones."""
+    @property
+    def first_wrong_state(self) -> int | None:
+        """The step, from 1, after which the first wrong state stands; `None` where all are right."""
+
+def judge(
+    domain: Domain, problems: Sequence[str], completions: Sequence[str], words: Sequence[dict[str, str]]
+) -> list[Judgement]:
+    """Judges generated texts in parallel.
+
+    Parses each, maps its words back to the domain's actions by `words`, validates the plan against its own problem
+    (PDDL text) and compares its states with the true ones.
+
+    Raises:
+        PddlError: a problem is wrong.
+        LimitError: a problem is too large.
+        ValueError: the lists differ in length.
+    """
+
+def split_plans(text: str) -> list[tuple[int, str]]:
+    """Splits a text of many plans, separated by blank lines: each plan's number of lines before it, and its text."""
+
+_TextAtom: TypeAlias = tuple[str, list[str]]
 """An atom as it stands in a text: name and arguments."""
 
 @final

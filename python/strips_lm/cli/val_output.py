@@ -1,6 +1,6 @@
 """Verdicts in the words of VAL, so that a tool that reads its output can read ours.
 
-What VAL prints without options; its exit status (always 0) is not copied, as design asks for 1 on an invalid plan.
+What VAL prints without options; its exit status (always 0) is not copied, which is 1 here where a plan is invalid.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def write(results: Iterable[tuple[Submission, Verdict]], out: TextIO) -> int:
         out.write(f"Checking plan: {submission.file}\n")
         if verdict.outcome in ("valid", "goal_not_reached"):
             out.write("Plan executed successfully - checking goal\n")
-        if verdict.is_valid:
+        if verdict.cost is not None:
             successful.setdefault(verdict.cost, []).append(submission.file)
             out.write(f"Plan valid\nFinal value: {verdict.cost:.10g} \n")
         else:

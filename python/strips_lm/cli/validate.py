@@ -13,6 +13,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from strips_lm._native import split_plans
 from strips_lm.cli.arguments import add_task, read_task
 
 if TYPE_CHECKING:
@@ -24,16 +25,12 @@ if TYPE_CHECKING:
 BATCH = 1 << 14
 """Plans validated at a time."""
 
-EMPTY_PLAN = "; empty plan"
-"""The block that stands where `plans` printed the plan without steps."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Submission:
-    """A plan to check: the file it came from, its number there, the line before its first, its text."""
+    """A plan to check: the file it came from, the lines before it there, its text."""
 
     file: str
-    number: int
     line_before: int
     text: str
 
@@ -50,17 +47,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Prints a verdict for each plan, in order; 1 where one is not valid."""
-    task = read_task(args)
-    results = _verdicts(task, _submissions(args.plans, many=args.many))
+    results = _verdicts(read_task(args), _submissions(args.plans, many=args.many))
     if args.val:
         from strips_lm.cli.val_output import write  # noqa: PLC0415  (few ask for it)
 
         return write(results, sys.stdout)
-    render = _json_line if args.json else _sentence
     all_valid = True
     for submission, verdict in results:
         all_valid &= verdict.is_valid
-        sys.stdout.write(render(submission, verdict))
+        sys.stdout.write((_json_line if args.json else _sentence)(submission, verdict))
     return 0 if all_valid else 1
 
 
@@ -68,23 +63,8 @@ def _submissions(names: Iterable[str], *, many: bool) -> Iterator[Submission]:
     for name in names:
         data = sys.stdin.buffer.read() if name == "-" else Path(name).read_bytes()
         text = data.decode("utf-8", errors="replace")
-        if many:
-            yield from _blocks(name, text)
-        else:
-            yield Submission(file=name, number=1, line_before=0, text=text)
-
-
-def _blocks(name: str, text: str) -> Iterator[Submission]:
-    """The plans of a text: runs of lines that are not blank, unless they are comments alone."""
-    start, block, number = 0, list[str](), 0
-    for line_number, line in enumerate([*text.splitlines(), ""]):
-        if line.strip():
-            block.append(line)
-            continue
-        if any(not row.lstrip().startswith(";") or row.strip() == EMPTY_PLAN for row in block):
-            number += 1
-            yield Submission(file=name, number=number, line_before=start, text="\n".join(block))
-        start, block = line_number + 1, []
+        for line_before, plan in split_plans(text) if many else [(0, text)]:
+            yield Submission(file=name, line_before=line_before, text=plan)
 
 
 def _verdicts(task: Task, submissions: Iterator[Submission]) -> Iterator[tuple[Submission, Verdict]]:

@@ -94,9 +94,12 @@ pub fn parse_plan(text: &str) -> Result<Vec<PlanStep<'_>>, PlanSyntaxError> {
     Ok(steps)
 }
 
+/// What stands for a plan without steps among many, so that it is a block like any other.
+pub const EMPTY_PLAN: &str = "; empty plan\n";
+
 /// Splits a text of many plans at its blank lines; a line that holds only a comment is not blank.
 ///
-/// Gives each plan and the number of lines before it.
+/// Gives each plan and the number of lines before it. Comments alone are no plan, but for [`EMPTY_PLAN`].
 pub fn split_plans(text: &str) -> Vec<(usize, &str)> {
     let mut plans = Vec::new();
     let mut start: Option<(usize, usize)> = None;
@@ -114,7 +117,13 @@ pub fn split_plans(text: &str) -> Vec<(usize, &str)> {
         at += line.len();
     }
     plans.extend(start.map(|(before, from)| (before, &text[from..])));
+    plans.retain(|(_, plan)| is_plan(plan));
     plans
+}
+
+fn is_plan(block: &str) -> bool {
+    let says = |line: &str| !line.starts_with(';') || line == EMPTY_PLAN.trim_end();
+    block.lines().any(|line| says(line.trim()))
 }
 
 struct PlanReader<'t> {
@@ -290,5 +299,11 @@ mod tests {
     fn blank_lines_split_many_plans() {
         let plans = split_plans("\n(a)\n(b)\n\n \n; c\n(d)");
         assert_eq!(plans, [(1, "(a)\n(b)\n"), (5, "; c\n(d)")]);
+    }
+
+    #[test]
+    fn comments_alone_are_no_plan_but_for_the_empty_one() {
+        let text = format!("; notes\n\n{EMPTY_PLAN}\n(a)\n");
+        assert_eq!(split_plans(&text), [(2, EMPTY_PLAN), (4, "(a)\n")]);
     }
 }

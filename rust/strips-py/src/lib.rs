@@ -2,6 +2,8 @@
 //!
 //! Converts, detaches from the interpreter, calls `strips_core`, converts back. Holds no algorithm.
 
+#![allow(clippy::needless_pass_by_value, reason = "the interpreter hands arguments over by value")]
+
 mod error;
 mod interrupt;
 mod operators;
@@ -9,12 +11,14 @@ mod pddl;
 mod plan_set;
 mod task;
 mod text;
+mod validate;
 
 use pyo3::pymodule;
 
 #[pymodule]
 mod _native {
     use pyo3::prelude::*;
+    use strips_core::validate::Outcome;
 
     #[pymodule_export]
     use crate::error::{DataError, LimitError, PddlError};
@@ -26,9 +30,12 @@ mod _native {
     use crate::task::Task;
     #[pymodule_export]
     use crate::text::{CanonicalCodec, Completion, Legend, parse_completions, split_texts};
+    #[pymodule_export]
+    use crate::validate::{Judgement, Verdict, judge, split_plans};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("OUTCOMES", Outcome::ALL.map(Outcome::name))?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

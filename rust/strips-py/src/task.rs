@@ -1,24 +1,35 @@
 //! `Task`: a problem, grounded.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedStr;
 use strips_core::search::PlanSet as CorePlanSet;
 use strips_core::task::limits::Limits;
 use strips_core::task::{self, OperatorId};
+use strips_core::validate::{Outcome, Validator};
 
 use crate::interrupt;
 use crate::operators::OperatorNames;
 use crate::pddl::{Domain, Problem};
 use crate::plan_set::{PlanSet, semantics_of};
+use crate::validate::Verdict;
 
 /// A problem grounded to facts and operators; nothing that can ever be applied is left out.
 #[pyclass(frozen, module = "strips_lm._native")]
 pub struct Task {
     pub core: Arc<task::Task>,
     names: Arc<OperatorNames>,
+    validator: OnceLock<Validator>,
+}
+
+impl Task {
+    fn validator(&self) -> &Validator {
+        self.validator.get_or_init(|| Validator::new(self.core.clone()))
+    }
 }
 
 #[pymethods]
@@ -43,7 +54,7 @@ impl Task {
         let (domain, problem) = (domain.ast.clone(), problem.ast.clone());
         let core = interrupt::run(py, &limits, |limits| task::ground(domain, problem, limits))?;
         let core = Arc::new(core);
-        Ok(Self { names: Arc::new(OperatorNames::new(core.clone())), core })
+        Ok(Self { names: Arc::new(OperatorNames::new(core.clone())), core, validator: OnceLock::new() })
     }
 
     /// How many facts can differ between reachable states.
@@ -85,6 +96,41 @@ impl Task {
         let task = self.core.clone();
         let core = interrupt::run(py, &limits, |limits| CorePlanSet::new(task, max_steps, semantics, limits))?;
         Ok(PlanSet::new(self.names.clone(), core))
+    }
+
+    /// The verdict on a plan in IPC form.
+    fn validate(&self, py: Python<'_>, text: PyBackedStr) -> PyResult<Verdict> {
+        interrupt::detached(py, || Verdict(self.validator().validate(&text)))
+    }
+
+    /// The verdict on each plan, in order; in parallel.
+    fn validate_many(&self, py: Python<'_>, texts: Vec<PyBackedStr>) -> PyResult<Vec<Verdict>> {
+        let verdicts = interrupt::detached(py, || self.validator().validate_many(&texts))?;
+        Ok(verdicts.into_iter().map(Verdict).collect())
+    }
+
+    /// The outcome of each plan, in order, as a position in `OUTCOMES`; in parallel.
+    fn outcomes<'py>(&self, py: Python<'py>, texts: Vec<PyBackedStr>) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        let code = |outcomes: Vec<Outcome>| outcomes.into_iter().map(Outcome::code).collect::<Vec<_>>();
+        Ok(interrupt::detached(py, || code(self.validator().outcomes(&texts)))?.into_pyarray(py))
+    }
+
+    /// The outcome of each plan given as operator ids, plan `i` being `operators[offsets[i]:offsets[i + 1]]`: positions in
+    /// `OUTCOMES`, and the step at fault (0 where there is none); in parallel.
+    ///
+    /// Raises `ValueError` where the offsets do not ascend within the operators.
+    #[expect(clippy::type_complexity, reason = "two arrays")]
+    fn validate_ids<'py>(
+        &self,
+        py: Python<'py>,
+        operators: PyReadonlyArray1<'py, u32>,
+        offsets: PyReadonlyArray1<'py, i64>,
+    ) -> PyResult<(Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<u32>>)> {
+        let (operators, offsets) = (operators.as_slice()?, offsets.as_slice()?);
+        let outcomes = interrupt::detached(py, || self.validator().outcomes_of_operators(operators, offsets))?;
+        let outcomes = outcomes.ok_or_else(|| PyValueError::new_err("offsets must ascend within the operators"))?;
+        let (codes, steps): (Vec<u8>, Vec<u32>) = outcomes.into_iter().map(|(o, step)| (o.code(), step)).unzip();
+        Ok((codes.into_pyarray(py), steps.into_pyarray(py)))
     }
 
     fn __repr__(&self) -> String {

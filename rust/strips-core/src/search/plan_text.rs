@@ -1,9 +1,7 @@
 //! Plans as text in bulk: every operator's line is written once, and plans copy them.
 
+use crate::plan::EMPTY_PLAN;
 use crate::task::{OperatorId, Task};
-
-/// What stands for a plan without steps, so that it is a block like any other.
-const EMPTY_PLAN: &str = "; empty plan\n";
 
 /// The line of each operator, end of line included.
 #[derive(Clone, Debug)]
