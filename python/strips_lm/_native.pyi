@@ -30,6 +30,7 @@ __all__ = [
     "parse_completions",
     "split_plans",
     "split_texts",
+    "state_graph",
 ]
 __version__: str
 
@@ -428,3 +429,12 @@ class CanonicalCodec:
         self, prompts: Sequence[Sequence[int]], completions: Sequence[Sequence[int]], legends: Sequence[Legend]
     ) -> list[str]:
         """The texts of completions alone, from the ids of their prompts and of their own words; never fails."""
+
+def state_graph(
+    task: Task, horizon: int, *, max_states: int = 1000
+) -> tuple[list[list[str]], list[int], list[bool], list[tuple[int, int, str]]]:
+    """The states on plans of at most `horizon` steps: atoms, depths, goals, and edges (from, to, operator).
+
+    Raises:
+        LimitError: there are more than `max_states`.
+    """

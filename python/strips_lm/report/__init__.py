@@ -148,7 +148,7 @@ def _draw_graph(found: Example, results: Results) -> str:
     plan = (valid.plan if valid else found.reference).split("\n")
     plan = [line.strip() for line in plan if line.strip()]
     try:
-        states, depths, goals, edges = task.state_graph(len(plan), max_states=MAX_STATES)
+        states, depths, goals, edges = _native.state_graph(task, len(plan), max_states=MAX_STATES)
     except _native.LimitError:
         return ""
     whose = f"the plan of {valid.model}" if valid else "one of the oracle's plans"

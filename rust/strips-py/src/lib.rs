@@ -9,6 +9,7 @@ mod interrupt;
 mod operators;
 mod pddl;
 mod plan_set;
+mod state_graph;
 mod task;
 mod text;
 mod validate;
@@ -26,6 +27,8 @@ mod _native {
     use crate::pddl::{Domain, Problem};
     #[pymodule_export]
     use crate::plan_set::{PlanIterator, PlanSet, Plans};
+    #[pymodule_export]
+    use crate::state_graph::state_graph;
     #[pymodule_export]
     use crate::task::Task;
     #[pymodule_export]
