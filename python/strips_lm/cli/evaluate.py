@@ -47,7 +47,7 @@ def _evaluate(
         raise ConfigError("`evaluate` needs at least one MODEL and `--data DIR`")
     config = RunConfig.load(args.preset, [*_overrides(args), *(overrides or [])])
     with progress() as (tell, tick):
-        from strips_lm.evaluate import Evaluation  # noqa: PLC0415
+        from strips_lm.evaluate.evaluation import Evaluation  # noqa: PLC0415
         from strips_lm.evaluate.suites import DataFolder  # noqa: PLC0415
 
         results = Evaluation(config, DataFolder(data), tell, tick).run(models)

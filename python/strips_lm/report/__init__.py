@@ -68,7 +68,7 @@ _TABLE = (
 )
 _VALID = "Greedy decoding without any help, or the first way of decoding that was run."
 _TRAINING = "Language-model loss in nats a token on training (solid) and validation data (dashed). Tokenizers differ in how many tokens a plan has, so only curves of one tokenizer compare."
-_GRAPH = "All states within the plan's length of the initial one (blue); goal states are red, the plan's path is green. Hover over a state to read it."
+_GRAPH = "States on plans of up to two steps more than this one. The initial state is blue, goal states are red, the plan's path is green. Hover over a state to read it."
 _EXAMPLES = "The same prompt, every model. Actions and the atoms that a state adds are marked."
 _LENGTH = "By the number of steps of the shortest plan."
 _FAIL = "What the oracle says of the invalid plans, in per cent of all prompts."
@@ -147,14 +147,23 @@ def _draw_graph(found: Example, results: Results) -> str:
     valid = next((o for o in found.outputs if o.verdict == "valid"), None)
     plan = (valid.plan if valid else found.reference).split("\n")
     plan = [line.strip() for line in plan if line.strip()]
-    try:
-        states, depths, goals, edges = _native.state_graph(task, len(plan), max_states=MAX_STATES)
-    except _native.LimitError:
+    spelled = _spell(task, len(plan))
+    if spelled is None:
         return ""
     whose = f"the plan of {valid.model}" if valid else "one of the oracle's plans"
-    caption = f"{escape(found.suite)}, prompt {found.index}: {len(states)} states; the path is {escape(whose)}."
-    drawn = graph.draw(graph.StateGraph(states, depths, goals, edges), plan)
+    caption = f"{escape(found.suite)}, prompt {found.index}: {len(spelled.states)} states; the path is {escape(whose)}."
+    drawn = graph.draw(spelled, plan)
     return f'<figure><div class="wide">{drawn}</div><figcaption>{caption}</figcaption></figure>'
+
+
+def _spell(task: _native.Task, steps: int) -> graph.StateGraph | None:
+    """The graph of all plans of two steps more than the plan's, or as many more as can be drawn."""
+    for horizon in (steps + 2, steps + 1, steps):
+        try:
+            return graph.StateGraph(*_native.state_graph(task, horizon, max_states=MAX_STATES))
+        except _native.LimitError:
+            continue
+    return None
 
 
 def examples(results: Results, count: int = 3) -> str:

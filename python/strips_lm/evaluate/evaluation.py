@@ -1,0 +1,200 @@
+"""Scores of models on suites: every plan checked by the oracle against its prompt's own PDDL problem.
+
+Free greedy decoding comes first; every mode in which the oracle takes part is marked. All models see the same prompts
+in the same order. What is found is a `Results`; printing is the command line's concern.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from strips_lm import _native
+from strips_lm.config import RunConfig, versions
+from strips_lm.evaluate.likelihood import measure
+from strips_lm.evaluate.results import Example, Model, Output, Results, Score
+from strips_lm.evaluate.suites import DataFolder, Item  # noqa: TC001  (dataclass fields are public types)
+from strips_lm.evaluate.tally import Trial, tally
+from strips_lm.generate import Batch, Planner, check_decode
+from strips_lm.model import checkpoint_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from strips_lm._native import Judgement
+
+RERANKS = ("head", "likelihood", "oracle")
+"""The ways of choosing among samples, in the order of the table."""
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """A suite ready to be tried: prompts, problems and words, made once for all models."""
+
+    name: str
+    items: list[Item]
+    problems: list[str]
+    words: list[dict[str, str]]
+
+    @classmethod
+    def open(cls, data: DataFolder, name: str, limit: int) -> Suite:
+        """The first `limit` distinct prompts of a suite."""
+        items = data.items(name, limit)
+        return cls(name, items, [data.problem(i) for i in items], [data.words(i) for i in items])
+
+    def judge(self, domain: _native.Domain, prompts: Sequence[int], texts: Sequence[str]) -> list[Judgement]:
+        """The oracle's judgement of each text, written for the prompt of that number."""
+        problems, words = [self.problems[i] for i in prompts], [self.words[i] for i in prompts]
+        return _native.judge(domain, problems, list(texts), words)
+
+
+class Evaluation:
+    """One run of the evaluation; `tell` gets a line for each thing that is done, `tick` the prompts done so far."""
+
+    def __init__(
+        self,
+        config: RunConfig,
+        data: DataFolder,
+        tell: Callable[[str], None],
+        tick: Callable[[str, int, int], None] | None = None,
+    ) -> None:
+        """Check the names of suites and ways of decoding before any work."""
+        for decode in config.evaluate.decodes:
+            check_decode(decode)
+        self.config, self.data, self.tell, self.tick = config, data, tell, tick
+        self.suites = [Suite.open(data, name, config.evaluate.limit) for name in config.evaluate.suites]
+        self.results = Results(data=str(data.path), config=_settings(config), created=_now(), versions=versions())
+
+    def run(self, folders: Sequence[str | Path]) -> Results:
+        """Evaluate each model on each suite."""
+        for name, folder in zip(model_names(folders), folders, strict=True):
+            planner = Planner.load(folder, self.config.generate, self.config.seed)
+            self.results.models.append(describe(name, folder, planner))
+            for suite in self.suites:
+                self._try(planner, name, suite)
+        return self.results
+
+    def _try(self, planner: Planner, name: str, suite: Suite) -> None:
+        """One model on one suite: every way of decoding, then likelihoods."""
+        for decode in self.config.evaluate.decodes:
+            if decode == "best-of-k":
+                self._best_of_k(planner, name, suite)
+            else:
+                made = planner.complete([i.prompt for i in suite.items], decode, tick=self._ticker(name, suite, decode))
+                self._score(name, suite, decode, made)
+        pairs = self.data.items(suite.name, self.config.evaluate.pairs, distinct=False)
+        found = measure(planner, name, suite.name, pairs)
+        self.results.likelihoods.append(found)
+        self.tell(f"{name} {suite.name}: perplexity {found.perplexity:.4f} over {found.tokens} tokens")
+
+    def _best_of_k(self, planner: Planner, name: str, suite: Suite) -> None:
+        """The same samples chosen by the head, by likelihood and by the oracle."""
+        prompts = [item.prompt for item in suite.items]
+        drawn = planner.draw(prompts, self._ticker(name, suite, "best-of-k"))
+
+        def judge(numbers: Sequence[int], texts: Sequence[str]) -> list[bool]:
+            return [j.verdict.is_valid for j in suite.judge(self.data.domain, numbers, texts)]
+
+        for rerank in RERANKS if planner.has_head else RERANKS[1:]:
+            made = planner.choose(prompts, drawn, rerank, judge)
+            self._score(name, suite, f"best-of-{self.config.generate.samples} by {rerank}", made)
+
+    def _score(self, name: str, suite: Suite, decode: str, made: Batch) -> None:
+        """Have the oracle judge the completions, and keep the score and some examples."""
+        texts = [c.text for c in made.completions]
+        started = time.perf_counter()
+        judgements = suite.judge(self.data.domain, range(len(texts)), texts)
+        trial = Trial(
+            model=name,
+            suite=suite.name,
+            decode=decode,
+            oracle_helps=decode.endswith("oracle"),
+            texts=texts,
+            finished=[c.finished for c in made.completions],
+            optimal_steps=[item.optimal_steps for item in suite.items],
+            tokens=made.tokens,
+            seconds=made.seconds,
+            verify_seconds=time.perf_counter() - started,
+        )
+        score = tally(trial, judgements)
+        self.results.scores.append(score)
+        self._keep_examples(name, suite, decode, texts, judgements)
+        self.tell(_line(score))
+
+    def _keep_examples(
+        self, name: str, suite: Suite, decode: str, texts: Sequence[str], judgements: Sequence[Judgement]
+    ) -> None:
+        """The outputs for the suite's first prompts."""
+        for index in range(min(self.config.evaluate.examples, len(texts))):
+            verdict = judgements[index].verdict
+            output = Output(
+                model=name,
+                decode=decode,
+                text=texts[index],
+                plan=judgements[index].plan,
+                verdict=verdict.outcome,
+                step=verdict.step,
+                reason=verdict.reason,
+                finished=judgements[index].finished,
+            )
+            self._example(suite, index).outputs.append(output)
+
+    def _example(self, suite: Suite, index: int) -> Example:
+        """The example of a suite's prompt, new if it is the first time."""
+        for example in self.results.examples:
+            if (example.suite, example.index) == (suite.name, index):
+                return example
+        item, problem = suite.items[index], suite.problems[index]
+        found = Example(
+            suite=suite.name, index=index, prompt=item.prompt, problem=problem, reference=item.plan, outputs=[]
+        )
+        self.results.examples.append(found)
+        return found
+
+    def _ticker(self, name: str, suite: Suite, decode: str) -> Callable[[int], None] | None:
+        if self.tick is None:
+            return None
+        tick, total = self.tick, len(suite.items)
+        if decode == "best-of-k":
+            total *= self.config.generate.samples
+        return lambda done: tick(f"{name} {suite.name} {decode}", done, total)
+
+
+def _line(score: Score) -> str:
+    where = f"{score.model} {score.suite} {score.decode}"
+    spread = f"[{100 * score.valid_low:.1f}, {100 * score.valid_high:.1f}]"
+    speed = f"{score.prompts_per_second:.0f} prompts/s"
+    return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}, {speed}"
+
+
+def _settings(config: RunConfig) -> dict[str, Any]:
+    return {"seed": config.seed, "generate": asdict(config.generate), "evaluate": asdict(config.evaluate)}
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def model_names(folders: Sequence[str | Path]) -> list[str]:
+    """A short name for each folder: its last part, or as many parts as tell it from the others."""
+    parts = [[p for p in Path(folder).resolve().parts if p not in {"best", "last"}] for folder in folders]
+    depth = 1
+    while len({tuple(p[-depth:]) for p in parts}) < len(parts) and depth < max(map(len, parts)):
+        depth += 1
+    return ["/".join(p[-depth:]) for p in parts]
+
+
+def describe(name: str, folder: str | Path, planner: Planner) -> Model:
+    """What the results say of a model."""
+    place = checkpoint_folder(folder)
+    config = RunConfig.load(place / "run.toml") if (place / "run.toml").is_file() else None
+    return Model(
+        name=name,
+        path=str(folder),
+        kind=config.model.kind if config else type(planner.model).__name__,
+        tokenizer=config.tokenizer.kind if config else type(planner.tokenizer).__name__,
+        parameters=sum(p.numel() for p in planner.model.parameters()),
+    )
