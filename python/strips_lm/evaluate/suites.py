@@ -88,7 +88,8 @@ class DataFolder:
 
     def problem(self, item: Item) -> str:
         """The record's own PDDL problem, with its names."""
-        return _native.rename_problem(self.domain, self.problems[item.problem_id], item.names)
+        problem = _native.Problem.parse(self.problems[item.problem_id], self.domain)
+        return problem.rename(item.names).to_pddl()
 
     def words(self, item: Item) -> dict[str, str]:
         """Every word that may stand for an action in the record, its own words first of all."""
