@@ -88,3 +88,157 @@ def collate(rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int) -> Ba
 
 def _long(parts: list[NDArray[np.integer]]) -> Tensor:
     return torch.from_numpy(np.concatenate(parts).astype(np.int64)) if parts else torch.zeros(0, dtype=torch.long)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How an epoch is cut: what each step holds, in positions of the data set."""
+
+    step_tokens: int
+    """Tokens (prompts and positives) of a step, unless `step_pairs` counts records."""
+    step_pairs: int
+    """Records of a step; 0 counts tokens."""
+    batch_tokens: int
+    """Padded tokens that go through the model at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dress:
+    """How records are varied each time they are shown."""
+
+    mc_share: float = 0.0
+    """Share of the records that bring their negative."""
+    renumber: bool = False
+    """Whether object slots get random increasing numbers."""
+    offset: int = 0
+    """Largest random start position."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One optimisation step: this process's batches, and what all processes' batches sum over."""
+
+    batches: list[Batch]
+    records: NDArray[np.int64]
+    """Indices in the data set of the step's records, over all processes."""
+    tokens: int
+    """Scored tokens of the step, over all processes."""
+    pairs: int
+    """Pairs of the step, over all processes."""
+    seen: int
+    """Tokens of the step without padding, over all processes."""
+
+
+def epoch_order(data: PlanDataset, plan: Plan, seed: int, epoch: int) -> list[NDArray[np.int64]]:
+    """The records of each step of an epoch: a function of (data, plan, seed, epoch) alone."""
+    rng = np.random.default_rng((seed, epoch, 0))
+    order = rng.permutation(data.kept)
+    lengths = data.lengths
+    steps: list[NDArray[np.int64]] = []
+    for start in range(0, len(order), POOL):
+        pool = order[start : start + POOL]
+        steps += _cut(pool[np.argsort(lengths[pool], kind="stable")], lengths, plan)
+    return [steps[index] for index in rng.permutation(len(steps))]
+
+
+POOL = 8192
+"""Records that are sorted by length together; wide enough for little padding, narrow enough for fresh mixtures."""
+
+
+def _cut(records: NDArray[np.int64], lengths: NDArray[np.int64], plan: Plan) -> list[NDArray[np.int64]]:
+    if plan.step_pairs:
+        return [records[start : start + plan.step_pairs] for start in range(0, len(records), plan.step_pairs)]
+    totals = np.cumsum(lengths[records])
+    bounds = np.searchsorted(totals, np.arange(plan.step_tokens, totals[-1], plan.step_tokens), side="right")
+    return [part for part in np.split(records, bounds) if len(part)]
+
+
+def build_step(
+    data: PlanDataset,
+    records: NDArray[np.int64],
+    plan: Plan,
+    dress: Dress,
+    seed: Sequence[int],
+    rank: int = 0,
+    world: int = 1,
+) -> Step:
+    """The batches of one step for process `rank` of `world`; `seed` fixes every random choice in it."""
+    groups = _dress(data, records, dress, np.random.default_rng(tuple(seed)))
+    cuts = _cut_batches(groups, plan.batch_tokens)
+    return Step(
+        batches=[_share(cut, data.pad, rank, world) for cut in cuts],
+        records=data.index[records],
+        tokens=sum(len(group[0].completion) for group in groups),
+        pairs=sum(len(group) > 1 for group in groups),
+        seen=sum(len(row) for group in groups for row in group),
+    )
+
+
+Group = tuple[Row, ...]
+"""A positive, and its negative where it comes along."""
+
+
+def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.random.Generator) -> list[Group]:
+    """The rows of each record, varied; draws are made for all records whether or not they are used."""
+    offsets = rng.integers(dress.offset + 1, size=len(records))
+    paired = rng.random(len(records)) < dress.mc_share
+    groups: list[Group] = []
+    for record, offset, pair in zip(records, offsets, paired, strict=True):
+        parts = [data.prompts[record], data.positives[record], data.negatives[record]]
+        if dress.renumber and data.slots[1]:
+            parts = _renumber(parts, data.slots, rng)
+        positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
+        groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))) if pair else (positive,))
+    return groups
+
+
+def _renumber(
+    parts: list[NDArray[np.integer]], slots: tuple[int, int], rng: np.random.Generator
+) -> list[NDArray[np.integer]]:
+    """Maps the slots in use to random increasing slots; one time in three they stay, half of the rest stay near."""
+    first, count = slots
+    used = max(int(part.max(initial=0)) for part in parts) - first + 1
+    kind = rng.integers(3)
+    if used < 1 or used > count or kind == 0:
+        return parts
+    reach = count if kind == 1 else min(count, used + 4)
+    table = np.arange(first + count)
+    table[first : first + used] = first + np.sort(rng.choice(reach, used, replace=False))
+    return [table[part] for part in parts]
+
+
+def _cut_batches(groups: list[Group], batch_tokens: int) -> list[list[Group]]:
+    """Cuts groups, in order, where the padded rows would pass `batch_tokens`."""
+    cuts: list[list[Group]] = [[]]
+    rows = longest = 0
+    for group in groups:
+        length = max(map(len, group))
+        if cuts[-1] and (rows + len(group)) * max(longest, length) > batch_tokens:
+            cuts.append([])
+            rows = longest = 0
+        cuts[-1].append(group)
+        rows, longest = rows + len(group), max(longest, length)
+    return cuts
+
+
+def _share(groups: list[Group], pad: int, rank: int, world: int) -> Batch:
+    """One process's rows of a batch; where it has none, a row that no loss reads keeps the processes in step."""
+    mine = groups[rank::world] or [(Row(groups[0][0].prompt, groups[0][0].completion, scored=False),)]
+    rows: list[Row] = []
+    pairs: list[range] = []
+    for group in mine:
+        if len(group) > 1:
+            pairs.append(range(len(rows), len(rows) + len(group)))
+        rows.extend(group)
+    return collate(rows, pairs, pad)
+
+
+def walk(data: PlanDataset, plan: Plan, seed: int, start: int = 0) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """(step number, its records) from step `start` on, epoch after epoch, without end."""
+    epoch, passed = 0, 0
+    while True:
+        steps = epoch_order(data, plan, seed, epoch)
+        for index in range(max(start - passed, 0), len(steps)):
+            yield passed + index, steps[index]
+        passed += len(steps)
+        epoch += 1

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
     from torch import Tensor, nn
 
+    from strips_lm.config import TrainConfig
+
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 """Coefficients of the quintic step, tuned by Muon's author for steep growth of small singular values."""
 
@@ -99,3 +101,18 @@ def split_parameters(model: nn.Module) -> tuple[list[Tensor], list[Tensor], list
         inner = parameter.ndim == 2 and (".h." in name or name.startswith("lstm."))
         (fused if inner and "c_attn" in name else matrices if inner else rest).append(parameter)
     return fused, matrices, rest
+
+
+def make_optimizer(model: nn.Module, train: TrainConfig) -> MuonAdamW:
+    """The optimiser that a configuration asks for; each group's `peak` is the rate that a schedule scales."""
+    fused, matrices, rest = split_parameters(model)
+    if train.optimizer == "adam":
+        fused, matrices, rest = [], [], [*fused, *matrices, *rest]
+    muon = {"muon": True, "peak": train.matrix_lr}
+    groups: list[dict[str, Any]] = [
+        {"params": fused, "parts": 3, **muon},
+        {"params": matrices, "parts": 1, **muon},
+        {"params": rest, "muon": False, "peak": train.lr},
+    ]
+    filled = [{**group, "lr": group["peak"], "weight_decay": train.weight_decay} for group in groups if group["params"]]
+    return MuonAdamW(filled, betas=(train.betas[0], train.betas[1]), eps=train.eps, momentum=train.momentum)

@@ -1,0 +1,70 @@
+"""The model together with its losses, and how both are measured on a validation split."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import torch
+from torch import nn
+
+from strips_lm.batches import Dress, Plan, build_step
+from strips_lm.loss import Losses, batch_losses
+from strips_lm.lstm import LstmLMHeadModel
+
+if TYPE_CHECKING:
+    from transformers import PreTrainedModel
+
+    from strips_lm.batches import Batch, Step
+    from strips_lm.dataset import PlanDataset
+
+
+class Objective(nn.Module):
+    """Calls the losses through `forward`, which is where data-parallel wrappers hook in."""
+
+    def __init__(self, model: PreTrainedModel, dtype: torch.dtype) -> None:
+        super().__init__()
+        self.model = model
+        self.dtype = dtype
+
+    def forward(self, batch: Batch) -> Losses:
+        """Both losses of a batch, summed."""
+        return batch_losses(self.model, batch, self.dtype)
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """What a model does on held-out records."""
+
+    lm_loss: float
+    """Nats a scored token."""
+    mc_accuracy: float | None
+    """Share of pairs in which the positive scores higher; None for models without that head."""
+
+
+def validation_step(data: PlanDataset, records: int, batch_tokens: int, choices: bool) -> Step:
+    """The first `records` of a split as one step, as they stand, with their negatives where the model chooses."""
+    plan = Plan(step_tokens=1, step_pairs=0, batch_tokens=batch_tokens)
+    picked = data.kept[:records]
+    picked = picked[data.lengths[picked].argsort(kind="stable")]
+    return build_step(data, picked, plan, Dress(mc_share=1.0 if choices else 0.0), (0,))
+
+
+@torch.no_grad()
+def measure(objective: Objective, step: Step, device: torch.device) -> Measure:
+    """Mean losses over a validation step."""
+    training = objective.training
+    objective.eval()
+    losses = [objective(batch.to(device)) for batch in step.batches]
+    objective.train(training)
+    lm = sum(float(part.lm) for part in losses) / step.tokens
+    right = sum(int(part.right) for part in losses)
+    return Measure(lm, right / step.pairs if step.pairs else None)
+
+
+def compute_type(precision: str, model: PreTrainedModel, device: torch.device) -> torch.dtype:
+    """The type that layers run in: bfloat16 on request, or where the processor multiplies it natively."""
+    if isinstance(model, LstmLMHeadModel) or precision == "float32":
+        return torch.float32
+    native = device.type == "cuda" or torch.ops.mkldnn._is_mkldnn_bf16_supported()  # noqa: SLF001  (torch has no public name)
+    return torch.bfloat16 if precision == "bfloat16" or native else torch.float32

@@ -1,0 +1,52 @@
+"""Text to tokens and back, byte for byte: one interface, two ways, each saved beside the model.
+
+`bpe` tokenizes the text as it stands; `canonical` rewrites it first (the Rust `CanonicalCodec`) and then has a word
+for every token. Both hold a `PreTrainedTokenizerFast`. What a text means is not known here.
+
+A record's text is its prompt, a space and its completion. Both ways tokenize the two apart, so that a prompt has the
+same tokens in training and in generation.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from strips_lm.tokenizer.base import END, SPECIAL, START, PlanTokenizer, TokenizerError, fingerprint, read_settings
+from strips_lm.tokenizer.bpe import BpeTokenizer
+from strips_lm.tokenizer.canonical import CanonicalTokenizer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from strips_lm.config import TokenizerConfig
+
+__all__ = [
+    "END",
+    "SPECIAL",
+    "START",
+    "BpeTokenizer",
+    "CanonicalTokenizer",
+    "PlanTokenizer",
+    "TokenizerError",
+    "fingerprint",
+    "load",
+    "make",
+]
+
+
+def load(folder: str | Path) -> PlanTokenizer:
+    """The tokenizer that `save_pretrained` wrote into a folder.
+
+    Raises:
+        TokenizerError: the folder holds none of ours.
+    """
+    kind = read_settings(folder)["kind"]
+    return BpeTokenizer.load(folder) if kind == "bpe" else CanonicalTokenizer.load(folder)
+
+
+def make(config: TokenizerConfig, data: Path, texts: Iterable[str]) -> PlanTokenizer:
+    """The tokenizer that a configuration asks for, for the data set in `data`; `texts` are records to learn from."""
+    if config.kind == "canonical":
+        return CanonicalTokenizer.of_data(data, config.max_slots)
+    return BpeTokenizer.pretrained(config.source) if config.source else BpeTokenizer.train(texts, config.vocab_size)

@@ -1,0 +1,290 @@
+"""The training loop: one function that can be read aloud, on `accelerate`.
+
+Every random choice of a step is a function of (seed, step), so that a resumed run needs nothing but weights,
+optimiser and `Progress`. With a budget in steps it ends bit for bit where an uninterrupted run does (on a CPU); with
+one in minutes the clock decides. A step's loss is a mean over the whole step, whatever it is cut into.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from accelerate import Accelerator
+from accelerate.utils import broadcast_object_list
+
+from strips_lm import tokenizer as tokenizers
+from strips_lm.batches import Dress, Plan, build_step, walk
+from strips_lm.checkpoint import Keeper, Progress, resume
+from strips_lm.dataset import entropy_floor, open_split, texts
+from strips_lm.loss import weighted
+from strips_lm.model import make_model
+from strips_lm.muon import make_optimizer
+from strips_lm.objective import Objective, compute_type, measure, validation_step
+from strips_lm.watch import Clock, Signals, Watch
+
+if TYPE_CHECKING:
+    from torch.optim import Optimizer
+    from transformers import PreTrainedModel
+
+    from strips_lm.batches import Step
+    from strips_lm.config import RunConfig, TrainConfig
+    from strips_lm.dataset import PlanDataset
+    from strips_lm.tokenizer import PlanTokenizer
+
+LOG_EVERY = 10
+"""Steps between two lines of `metrics.jsonl`."""
+
+
+class NotFiniteError(ArithmeticError):
+    """A loss that is no number; the message names the step's records."""
+
+
+@dataclass(slots=True)
+class Run:
+    """Everything that one training run holds in its hands."""
+
+    config: RunConfig
+    data: PlanDataset
+    accelerator: Accelerator
+    objective: torch.nn.Module
+    optimizer: Optimizer
+    validation: Step
+    floor: float | None
+    keeper: Keeper
+    progress: Progress
+    clock: Clock
+
+    @property
+    def model(self) -> PreTrainedModel:
+        """The model itself, out of its wrappers."""
+        return self.accelerator.unwrap_model(self.objective).model
+
+
+def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool = False, shown: bool = True) -> int:
+    """Trains a model on a data set and leaves `best`, `last`, `metrics.jsonl` and `run.toml` in `out`.
+
+    Returns 0, or the number of the signal that ended the run early (its checkpoint is written).
+
+    Raises:
+        DataSetError, TokenizerError, ModelError, CheckpointError: what was given cannot be trained or resumed.
+        NotFiniteError: the loss is no longer a number; `last` is of before that step.
+    """
+    run = _prepare(config, Path(data), Path(out), resumed)
+    shown = shown and run.accelerator.is_main_process
+    with Signals() as signals, Watch(Path(out) / _metrics(run), shown, resumed) as watch:
+        number = _loop(run, watch, signals)
+        _finish(run, watch)
+    run.accelerator.end_training()
+    return number
+
+
+def _loop(run: Run, watch: Watch, signals: Signals) -> int:
+    train, progress = run.config.train, run.progress
+    plan = Plan(train.step_tokens, train.step_pairs, train.batch_tokens)
+    window = _Window(run)
+    for _, records in walk(run.data, plan, run.config.seed, progress.step):
+        fraction, number = _agree(run, signals)
+        if fraction >= 1.0 or number:
+            return number
+        step = _build(run, plan, records, fraction)
+        window.add(step, _take_step(run, step, fraction))
+        progress.step, progress.tokens = progress.step + 1, progress.tokens + step.seen
+        progress.seconds = run.clock.seconds()
+        if progress.step % LOG_EVERY == 0:
+            watch.log("train", fraction, window.close(fraction))
+        if fraction >= (progress.measured + 1) * train.evaluate_every:
+            _measure(run, watch, fraction)
+        if window.due_for_saving(train.save_minutes):
+            _save_last(run)
+    return 0
+
+
+def _build(run: Run, plan: Plan, records: Any, fraction: float) -> Step:
+    """This process's part of a step, dressed by (seed, step)."""
+    train, accelerator = run.config.train, run.accelerator
+    choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
+    dress = Dress(train.mc_share if choosing else 0.0, train.renumber_slots, train.position_offset)
+    seed = (run.config.seed, run.progress.step, 1)
+    return build_step(run.data, records, plan, dress, seed, accelerator.process_index, accelerator.num_processes)
+
+
+def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, float]:
+    """One optimisation step; returns the sums of the two losses and of right choices."""
+    train = run.config.train
+    torch.manual_seed(hash((run.config.seed, run.progress.step, run.accelerator.process_index)))  # dropout
+    sums = torch.zeros(3, dtype=torch.float64, device=run.accelerator.device)
+    for batch in step.batches:
+        losses = run.objective(batch.to(run.accelerator.device))
+        loss = weighted(losses, step.tokens, step.pairs, train.lm_weight, train.mc_weight)
+        run.accelerator.backward(loss * run.accelerator.num_processes)
+        sums += torch.stack([part.detach().double() for part in (losses.lm, losses.mc, losses.right)])
+    sums = run.accelerator.reduce(sums, "sum").cpu()
+    if not bool(torch.isfinite(sums).all()):
+        _save_last(run)
+        raise NotFiniteError(_not_finite(run, step))
+    if train.clip:
+        run.accelerator.clip_grad_norm_(run.objective.parameters(), train.clip)
+    _set_rates(run.optimizer, rate(fraction, train))
+    run.optimizer.step()
+    run.optimizer.zero_grad()
+    return float(sums[0]), float(sums[1]), float(sums[2])
+
+
+def rate(fraction: float, train: TrainConfig) -> float:
+    """The learning rate's share of its peak: a rise, a level, a fall to zero, each in a straight line."""
+    rise = max(fraction / train.warmup, 0.01) if train.warmup else 1.0
+    fall = (1.0 - fraction) / train.cooldown if train.cooldown else 1.0
+    return max(0.0, min(rise, 1.0, fall))
+
+
+def _set_rates(optimizer: Any, factor: float) -> None:
+    for group in optimizer.param_groups:
+        group["lr"] = group["peak"] * factor
+
+
+def _agree(run: Run, signals: Signals) -> tuple[float, int]:
+    """How much of the budget is spent, and the signal received: the first process decides for all."""
+    train, progress = run.config.train, run.progress
+    by_steps = progress.step / train.steps if train.steps else 0.0
+    by_clock = run.clock.seconds() / (60.0 * train.minutes) if train.minutes else 0.0
+    decision = [max(by_steps, by_clock), signals.received or 0]
+    if run.accelerator.num_processes > 1:
+        broadcast_object_list(decision)
+    return float(decision[0]), int(decision[1])
+
+
+class _Window:
+    """Sums over the steps between two log lines, and the time of the last checkpoint."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.saved = run.clock.seconds()
+        self._clear()
+
+    def _clear(self) -> None:
+        self.sums = [0.0, 0.0, 0.0]
+        self.tokens = self.pairs = self.seen = 0
+        self.start = self.run.clock.seconds()
+
+    def add(self, step: Step, sums: tuple[float, float, float]) -> None:
+        self.sums = [a + b for a, b in zip(self.sums, sums, strict=True)]
+        self.tokens, self.pairs, self.seen = self.tokens + step.tokens, self.pairs + step.pairs, self.seen + step.seen
+
+    def close(self, fraction: float) -> dict[str, Any]:
+        """The log line's values; starts the next window."""
+        run, train = self.run, self.run.config.train
+        lm = self.sums[0] / max(self.tokens, 1)
+        mc = self.sums[1] / self.pairs if self.pairs else None
+        seconds = run.clock.seconds()
+        values = {
+            "step": run.progress.step,
+            "seconds": round(seconds, 3),
+            "loss": train.lm_weight * lm + train.mc_weight * (mc or 0.0),
+            "lm_loss": lm,
+            "mc_loss": mc,
+            "mc_accuracy": self.sums[2] / self.pairs if self.pairs else None,
+            "rate": rate(fraction, train),
+            "tokens": run.progress.tokens,
+            "tokens_per_second": self.seen / max(seconds - self.start, 1e-9),
+            "left": seconds * (1.0 - fraction) / max(fraction, 1e-9),
+        }
+        self._clear()
+        return values
+
+    def due_for_saving(self, minutes: float) -> bool:
+        """Whether `last` is older than that; true once."""
+        due = self.run.clock.seconds() - self.saved > 60.0 * minutes
+        if due:
+            self.saved = self.run.clock.seconds()
+        return due
+
+
+def _measure(run: Run, watch: Watch, fraction: float) -> None:
+    """Measures the validation split, logs it and keeps the best checkpoint."""
+    found = measure(run.accelerator.unwrap_model(run.objective), run.validation, run.accelerator.device)
+    progress = run.progress
+    progress.measured = int(fraction / run.config.train.evaluate_every + 1e-9)
+    about = {"step": progress.step, "seconds": round(run.clock.seconds(), 3), "tokens": progress.tokens}
+    watch.log("validation", fraction, {**about, **asdict(found), "floor": run.floor})
+    if progress.best is None or found.lm_loss < progress.best:
+        progress.best = found.lm_loss
+        if run.accelerator.is_main_process:
+            run.keeper.save_best(run.model, progress)
+
+
+def _save_last(run: Run) -> None:
+    run.progress.seconds = run.clock.seconds()
+    if run.accelerator.is_main_process:
+        run.keeper.save_last(run.model, run.progress, run.optimizer)
+    run.accelerator.wait_for_everyone()
+
+
+def _finish(run: Run, watch: Watch) -> None:
+    """Measures the run's last weights and writes them."""
+    fraction, _ = _agree(run, Signals())
+    _save_last(run)
+    if fraction >= 1.0:
+        _measure(run, watch, 1.0)
+
+
+def _not_finite(run: Run, step: Step) -> str:
+    named = ", ".join(map(str, step.records[:20].tolist()))
+    more = "" if len(step.records) <= 20 else f" and {len(step.records) - 20} more"
+    return (
+        f"the loss of step {run.progress.step + 1} is not finite; its records: {named}{more}\n"
+        "hint: lower `train.lr` and `train.matrix_lr`, then go on from the last checkpoint with `--resume`"
+    )
+
+
+def _metrics(run: Run) -> str:
+    index = run.accelerator.process_index
+    return "metrics.jsonl" if index == 0 else f".metrics.{index}.jsonl"
+
+
+def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
+    """Opens the data, makes or resumes the model, and writes `run.toml`."""
+    accelerator = Accelerator(log_with=list(config.train.trackers) or None, project_dir=str(out))
+    out.mkdir(parents=True, exist_ok=True)
+    if resumed:
+        tokenizer = tokenizers.load(_last(out))
+    else:
+        tokenizer = tokenizers.make(config.tokenizer, data, texts(data))
+    with accelerator.main_process_first():
+        training, validation = _open(config, data, tokenizer)
+    model = make_model(config.model, tokenizer, config.seed)
+    optimizer = make_optimizer(model, config.train)
+    progress = resume(out, model, optimizer) if resumed else Progress()
+    objective = Objective(model, compute_type(config.train.precision, model, accelerator.device))
+    objective.train()
+    prepared, optimizer = accelerator.prepare(objective, optimizer)
+    config.save(out / "run.toml")
+    about = {"records": len(training), "records too long, left out": training.left_out}
+    records = min(config.train.validation_records, len(validation))
+    held = validation_step(validation, records, config.train.batch_tokens, config.model.kind == "double-head")
+    return Run(
+        config,
+        training,
+        accelerator,
+        prepared,
+        optimizer,
+        held,
+        entropy_floor(validation, records),
+        Keeper(out, config, tokenizer, about),
+        progress,
+        Clock(progress.seconds),
+    )
+
+
+def _last(out: Path) -> Path:
+    """The folder of the checkpoint that a resumed run reads its tokenizer from."""
+    return out / "last" if (out / "last").is_dir() else out / "last.old"
+
+
+def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:
+    """The training and the validation split."""
+    context, room = config.model.context, config.train.position_offset
+    training = open_split(data, "train", tokenizer, context, room)
+    return training, open_split(data, "validation", tokenizer, context)
