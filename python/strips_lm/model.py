@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 from transformers import AutoConfig, GPT2Config, GPT2DoubleHeadsModel, GPT2LMHeadModel, PreTrainedModel
+from transformers.utils import logging
 
 from strips_lm.forward import sinusoids
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
@@ -19,6 +20,8 @@ from strips_lm.lstm import LstmConfig, LstmLMHeadModel
 if TYPE_CHECKING:
     from strips_lm.config import ModelConfig
     from strips_lm.tokenizer import PlanTokenizer
+
+logging.disable_progress_bar()  # a bar for each file that is read or written would tear ours apart
 
 CLASSES: dict[str, type[PreTrainedModel]] = {
     "double-head": GPT2DoubleHeadsModel,

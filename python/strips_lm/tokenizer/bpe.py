@@ -8,11 +8,13 @@ import numpy as np
 from tokenizers import AddedToken, Tokenizer, decoders, models, pre_tokenizers, trainers
 from transformers import AutoTokenizer, PreTrainedTokenizerFast
 
-from strips_lm.tokenizer.base import END, SPECIAL, START, Ids, TokenizerError, write_settings
+from strips_lm.tokenizer.base import END, SPECIAL, START, TokenizerError, write_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
+
+    from strips_lm.tokenizer.base import Ids
 
 
 class BpeTokenizer:

@@ -15,10 +15,12 @@ from tokenizers import AddedToken, Tokenizer, models, pre_tokenizers
 from transformers import PreTrainedTokenizerFast
 
 from strips_lm import _native
-from strips_lm.tokenizer.base import END, SPECIAL, START, Ids, TokenizerError, read_settings, write_settings
+from strips_lm.tokenizer.base import END, SPECIAL, START, TokenizerError, read_settings, write_settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from strips_lm.tokenizer.base import Ids
 
 DOMAIN, LEXICON = "domain.pddl", "lexicon.toml"
 """The files of a data set, and of a saved tokenizer, that the codec is made of."""

@@ -1,0 +1,139 @@
+"""The losses against a plain computation, one example at a time, in float64; and what they must not depend on."""
+
+import numpy as np
+import pytest
+import torch
+from test_model_forward import gpt2
+from torch.nn import functional as F
+from transformers import GPT2DoubleHeadsModel, GPT2LMHeadModel
+
+from strips_lm.batches import Row, collate
+from strips_lm.loss import batch_losses, weighted
+from strips_lm.lstm import LstmConfig, LstmLMHeadModel
+
+RNG = np.random.default_rng(0)
+PAD = 0
+
+
+def some_pairs(count=6, negatives=1):
+    """(prompt, completions with the positive first) of different lengths."""
+    def draw(low, high):
+        return RNG.integers(1, 50, RNG.integers(low, high))
+
+    return [(draw(3, 9), [draw(2, 9) for _ in range(1 + negatives)]) for _ in range(count)]
+
+
+def batch_of(pairs, choices=True):
+    rows, groups = [], []
+    for prompt, completions in pairs:
+        taken = completions if choices else completions[:1]
+        groups.append(range(len(rows), len(rows) + len(taken)))
+        rows += [Row(prompt, ids, scored=index == 0) for index, ids in enumerate(taken)]
+    return collate(rows, groups if choices else [], PAD)
+
+
+def slow_twin(model, pairs, lm_weight, mc_weight):
+    """L by transformers' own forward pass, one sequence at a time, one token at a time."""
+    lm, mc, scored = 0.0, 0.0, 0
+    for prompt, completions in pairs:
+        scores = []
+        for index, completion in enumerate(completions):
+            ids = torch.tensor(np.concatenate((prompt, completion)))[None]
+            last = torch.tensor([ids.shape[1] - 1])
+            out = model(ids, mc_token_ids=last)
+            scores.append(out.mc_logits.reshape(()))
+            for place in range(len(prompt), ids.shape[1]) if index == 0 else ():
+                lm = lm - F.log_softmax(out.logits[0, place - 1], dim=-1)[ids[0, place]]
+                scored += 1
+        mc = mc - F.log_softmax(torch.stack(scores), dim=0)[0]
+    return lm_weight * lm / scored + mc_weight * mc / len(pairs)
+
+
+def total(model, batches, lm_weight=1.0, mc_weight=2.0):
+    """The step's loss over several batches."""
+    losses = [batch_losses(model, batch, torch.float64) for batch in batches]
+    tokens, pairs = sum(part.tokens for part in losses), sum(part.pairs for part in losses)
+    return sum(weighted(part, tokens, pairs, lm_weight, mc_weight) for part in losses)
+
+
+@pytest.mark.parametrize("negatives", [1, 3])
+def test_loss_and_gradient_equal_the_slow_twin(negatives):
+    pairs = some_pairs(negatives=negatives)
+    model = gpt2(GPT2DoubleHeadsModel).double()
+    slow_twin(model, pairs, 1.0, 2.0).backward()
+    wanted = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
+    model.zero_grad()
+    total(model, [batch_of(pairs)]).backward()
+    for name, parameter in model.named_parameters():
+        torch.testing.assert_close(parameter.grad, wanted[name], rtol=1e-6, atol=1e-9, msg=name)
+
+
+@pytest.mark.parametrize("cut", [1, 2, 4])
+def test_loss_does_not_depend_on_the_cut_into_batches(cut):
+    pairs = some_pairs(7)
+    model = gpt2(GPT2DoubleHeadsModel).double()
+    parts = [batch_of(pairs[start : start + cut]) for start in range(0, len(pairs), cut)]
+    torch.testing.assert_close(total(model, parts), total(model, [batch_of(pairs)]), rtol=1e-12, atol=0)
+
+
+def test_loss_does_not_depend_on_order_or_padding():
+    pairs = some_pairs(5)
+    longer = [*pairs, (np.ones(30, dtype=int), [np.ones(5, dtype=int)] * 2)]
+    model = gpt2(GPT2DoubleHeadsModel).double()
+    alone, beside = batch_losses(model, batch_of(pairs), torch.float64), batch_of(longer)
+    last = batch_losses(model, batch_of(longer[-1:]), torch.float64)
+    both = batch_losses(model, beside, torch.float64)
+    torch.testing.assert_close(both.lm, alone.lm + last.lm)
+    torch.testing.assert_close(both.mc, alone.mc + last.mc)
+    torch.testing.assert_close(total(model, [batch_of(pairs[::-1])]), total(model, [batch_of(pairs)]))
+
+
+def test_prompts_and_negatives_get_no_lm_gradient():
+    """The LM loss does not change with the logits of any position that does not predict a positive's token."""
+    model = gpt2(GPT2DoubleHeadsModel).double()
+    batch = batch_of(some_pairs(4))
+    hidden = model.transformer(batch.input_ids).last_hidden_state.detach().requires_grad_()
+    at = hidden.reshape(-1, hidden.shape[-1])[batch.lm_positions]
+    F.cross_entropy(model.lm_head(at), batch.lm_labels, reduction="sum").backward()
+    silent = torch.ones(batch.input_ids.numel(), dtype=torch.bool)
+    silent[batch.lm_positions] = False
+    grads = hidden.grad.reshape(-1, hidden.shape[-1])
+    assert torch.count_nonzero(grads[silent]) == 0
+    assert bool((grads[~silent].abs().sum(-1) > 0).all())
+
+
+def test_scored_positions_are_the_positives_completions_and_end_token():
+    pairs = [(np.array([5, 6]), [np.array([7, 8, 9]), np.array([3, 4])])]
+    batch = batch_of(pairs)
+    assert batch.lm_labels.tolist() == [7, 8, 9]
+    assert batch.lm_positions.tolist() == [1, 2, 3]
+    assert batch.mc_token_ids.tolist() == [[4, 8]]
+    assert batch.input_ids.tolist() == [[5, 6, 7, 8, 9], [5, 6, 3, 4, PAD]]
+
+
+def test_negatives_change_the_lm_loss_of_no_model_without_the_second_head():
+    pairs = some_pairs(3)
+    model = gpt2(GPT2LMHeadModel).double()
+    losses = batch_losses(model, batch_of(pairs, choices=False), torch.float64)
+    assert losses.pairs == 0
+    assert float(losses.mc) == 0.0
+
+
+def test_lstm_loss_equals_its_own_forward():
+    torch.manual_seed(0)
+    model = LstmLMHeadModel(LstmConfig(vocab_size=50, embedding_size=8, hidden_size=16)).double()
+    prompt, (completion, _) = some_pairs(1)[0]
+    ids = torch.tensor(np.concatenate((prompt, completion)))[None]
+    labels = ids.clone()
+    labels[0, : len(prompt)] = -100
+    losses = batch_losses(model, batch_of([(prompt, [completion])], choices=False), torch.float64)
+    torch.testing.assert_close(losses.lm / losses.tokens, model(ids, labels=labels).loss)
+
+
+def test_lstm_goes_on_from_its_state():
+    torch.manual_seed(0)
+    model = LstmLMHeadModel(LstmConfig(vocab_size=50, embedding_size=8, hidden_size=16)).double()
+    ids = torch.randint(0, 50, (2, 9))
+    first = model(ids[:, :4])
+    rest = model(ids[:, 4:], state=first.state)
+    torch.testing.assert_close(torch.cat((first.logits, rest.logits), dim=1), model(ids).logits)

@@ -1,0 +1,151 @@
+"""The loop: it learns, resumes bit for bit, obeys signals, stops on a loss that is no number."""
+
+import json
+import os
+import signal
+
+import blocks_data
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from strips_lm import train as loop
+from strips_lm.checkpoint import CheckpointError
+from strips_lm.config import RunConfig
+from strips_lm.model import ModelError, export_lm, load_model
+from strips_lm.train import NotFiniteError, rate, train
+
+KINDS = ("double-head", "lm-head", "lstm")
+
+
+def config(kind="double-head", steps=12, *more):
+    small = ["model.layers=2", "model.width=32", "model.context=400", "tokenizer.kind=bpe", "tokenizer.vocab_size=320"]
+    short = ["train.minutes=0", f"train.steps={steps}", "train.step_tokens=600", "train.position_offset=8"]
+    heads = ["train.mc_start=0.0", "train.mc_share=0.5", "model.dropout=0.1", f"model.kind={kind}"]
+    return RunConfig.load("tiny", [*small, *short, *heads, *more])
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    return blocks_data.write(tmp_path_factory.mktemp("blocks"))
+
+
+def metrics(out, kind="train"):
+    lines = [json.loads(line) for line in (out / "metrics.jsonl").read_text().splitlines()]
+    return [line for line in lines if line["kind"] == kind]
+
+
+def weights(out):
+    return load_file(out / "last" / "model.safetensors")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_learns(kind, data, tmp_path):
+    assert train(config(kind, 60, "train.step_tokens=1500", "train.lr=0.01"), data, tmp_path, shown=False) == 0
+    found = metrics(tmp_path, "validation")
+    assert found[-1]["lm_loss"] < 0.75 * found[0]["lm_loss"]
+    assert (found[-1]["mc_accuracy"] is None) == (kind != "double-head")
+    assert found[-1]["floor"] == 0.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_resumed_run_ends_bit_for_bit_where_an_uninterrupted_one_does(kind, data, tmp_path, monkeypatch):
+    train(config(kind), data, tmp_path / "whole", shown=False)
+    for stop in (1, 5, 11):
+        out = tmp_path / f"stopped-{stop}"
+        interrupt_at(stop, monkeypatch)
+        assert train(config(kind), data, out, shown=False) == signal.SIGTERM
+        monkeypatch.undo()
+        assert train(config(kind), data, out, resumed=True, shown=False) == 0
+        whole, pieced = weights(tmp_path / "whole"), weights(out)
+        assert all(torch.equal(whole[name], pieced[name]) for name in whole), stop
+        assert metrics(out)[-1]["lm_loss"] == metrics(tmp_path / "whole")[-1]["lm_loss"] or stop == 11
+
+
+def interrupt_at(step, monkeypatch):
+    """Sends this process SIGTERM when that step begins."""
+    build = loop._build
+
+    def build_and_kill(run, *args):
+        if run.progress.step == step - 1:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return build(run, *args)
+
+    monkeypatch.setattr(loop, "_build", build_and_kill)
+
+
+def test_an_interrupted_run_has_trained_no_step_more(data, tmp_path, monkeypatch):
+    interrupt_at(4, monkeypatch)
+    assert train(config(), data, tmp_path, shown=False) == signal.SIGTERM
+    assert json.loads((tmp_path / "last" / "trainer.json").read_text())["step"] == 4
+
+
+def test_accumulation_changes_nothing(data, tmp_path):
+    plain = ("model.dropout=0.0", "train.precision=float32", "train.optimizer=adam", "train.position_offset=0")
+    train(config("double-head", 10, *plain), data, tmp_path / "one", shown=False)
+    train(config("double-head", 10, *plain, "train.batch_tokens=300"), data, tmp_path / "many", shown=False)
+    one, many = (metrics(tmp_path / name)[-1] for name in ("one", "many"))
+    assert many["lm_loss"] == pytest.approx(one["lm_loss"], rel=1e-4)
+    assert many["mc_loss"] == pytest.approx(one["mc_loss"], rel=1e-4)
+
+
+def test_a_loss_that_is_no_number_names_its_records_and_keeps_the_weights(data, tmp_path, monkeypatch):
+    take = loop._take_step
+
+    def poison(run, step, fraction):
+        if run.progress.step == 3:
+            next(run.model.parameters()).data.fill_(float("nan"))
+        return take(run, step, fraction)
+
+    monkeypatch.setattr(loop, "_take_step", poison)
+    with pytest.raises(NotFiniteError, match=r"step 4 is not finite; its records: \d+"):
+        train(config(), data, tmp_path, shown=False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_checkpoints_load_with_plain_transformers(kind, data, tmp_path, recwarn):
+    from transformers import AutoModelForCausalLM, GPT2DoubleHeadsModel
+
+    train(config(kind), data, tmp_path, shown=False)
+    ours = load_model(tmp_path)
+    ids = torch.arange(10)[None]
+    if kind == "double-head":
+        torch.testing.assert_close(GPT2DoubleHeadsModel.from_pretrained(tmp_path / "best")(ids).logits, ours(ids).logits)
+    export_lm(tmp_path, tmp_path / "lm")
+    theirs = AutoModelForCausalLM.from_pretrained(tmp_path / "lm").eval()
+    torch.testing.assert_close(theirs(ids).logits, ours(ids).logits)
+    assert not [warning for warning in recwarn if "Some weights" in str(warning.message)]
+    for name in ("config.json", "model.safetensors", "tokenizer.json", "run.toml", "README.md"):
+        assert (tmp_path / "best" / name).is_file()
+    assert not list(tmp_path.rglob("*.pt")) + list(tmp_path.rglob("*.pkl")) + list(tmp_path.rglob("*.bin"))
+
+
+def test_a_failed_write_leaves_the_earlier_checkpoint(data, tmp_path, monkeypatch):
+    train(config(), data, tmp_path, shown=False)
+    before = (tmp_path / "last" / "model.safetensors").read_bytes()
+
+    def full(*_args, **_kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("strips_lm.checkpoint.save_file", full)
+    with pytest.raises(OSError, match="No space left"):
+        train(config(steps=14), data, tmp_path, resumed=True, shown=False)
+    assert (tmp_path / "last" / "model.safetensors").read_bytes() == before
+    assert not list(tmp_path.glob(".*partial"))
+
+
+def test_nothing_to_resume_says_so(data, tmp_path):
+    with pytest.raises((CheckpointError, ValueError), match="nothing to resume|plan_tokenizer"):
+        train(config(), data, tmp_path, resumed=True, shown=False)
+    with pytest.raises(ModelError, match="no checkpoint"):
+        load_model(tmp_path)
+
+
+def test_the_rate_rises_stays_and_falls():
+    recipe = config("lstm", 1, "train.warmup=0.1", "train.cooldown=0.4").train
+    assert [round(rate(at, recipe), 3) for at in (0.0, 0.05, 0.1, 0.6, 0.8, 1.0)] == [0.01, 0.5, 1.0, 1.0, 0.5, 0.0]
+
+
+def test_the_end_of_the_budget_in_minutes_ends_the_run(data, tmp_path):
+    train(config("lstm", 0, "train.minutes=0.03"), data, tmp_path, shown=False)
+    assert json.loads((tmp_path / "last" / "trainer.json").read_text())["seconds"] < 4
