@@ -27,6 +27,10 @@ SETTINGS = "plan_tokenizer.json"
 """The file beside `tokenizer.json` that says which of ours it is."""
 
 
+DECIDING = ("tokenizer.json", "domain.pddl", "lexicon.toml")
+"""The files that decide, with the settings, how a tokenizer encodes."""
+
+
 class TokenizerError(ValueError):
     """A tokenizer that cannot be read, or a text that it has no tokens for."""
 
@@ -93,6 +97,8 @@ def fingerprint(tokenizer: PlanTokenizer) -> str:
     digest = hashlib.sha256()
     with tempfile.TemporaryDirectory() as folder:
         tokenizer.save_pretrained(folder)
-        for path in sorted(Path(folder).iterdir()):
+        for path in sorted(Path(folder) / name for name in (SETTINGS, *DECIDING)):
+            if not path.is_file():
+                continue
             digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
