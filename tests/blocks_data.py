@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import itertools
 import random
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 NAMES = ("red", "green", "blue", "black", "white", "gold", "grey", "pink")
 Atom = tuple[str, ...]

@@ -1,9 +1,9 @@
 """Token arrays on disk, and how an epoch is cut and dressed."""
 
-import blocks_data
 import numpy as np
 import pytest
 
+import blocks_data
 from strips_lm.batches import Dress, Plan, build_step, epoch_order, walk
 from strips_lm.dataset import DataSetError, PlanDataset, Ragged, entropy_floor, open_split, texts
 from strips_lm.tokenizer import BpeTokenizer
@@ -28,9 +28,7 @@ def data(folder, tokenizer):
 
 def test_arrays_hold_every_record_in_order(folder, tokenizer, data):
     wanted = [*blocks_data_texts(folder)]
-    decoded = tokenizer.decode(
-        [np.concatenate((data.prompts[i], data.positives[i])) for i in range(400)], [None] * 400
-    )
+    decoded = tokenizer.decode([np.concatenate((data.prompts[i], data.positives[i])) for i in range(400)], [None] * 400)
     assert decoded == wanted
     assert data.index.tolist() == list(range(400))
 
@@ -46,7 +44,7 @@ def test_tokens_are_made_once(folder, tokenizer, data, monkeypatch):
     assert isinstance(again.positives.tokens, np.memmap)
 
 
-def test_other_data_or_tokenizer_make_other_arrays(folder, tmp_path, tokenizer):
+def test_other_data_or_tokenizer_make_other_arrays(folder, tokenizer):
     open_split(folder, "validation", tokenizer, 512)
     before = set((folder / "tokens").iterdir())
     open_split(folder, "validation", BpeTokenizer.train(texts(folder), 330), 512)
@@ -104,7 +102,7 @@ def test_processes_share_a_step(data, world):
     records = epoch_order(data, PLAN, 0, 0)[0]
     dress = Dress(mc_share=0.5)
     whole = build_step(data, records, PLAN, dress, (0,))
-    parts = [build_step(data, records, PLAN, dress, (0,), rank, world) for rank in range(world)]
+    parts = [build_step(data, records, PLAN, dress, (0,), rank=rank, world=world) for rank in range(world)]
     labels = sorted(label for part in parts for batch in part.batches for label in batch.lm_labels.tolist())
     assert labels == sorted(label for batch in whole.batches for label in batch.lm_labels.tolist())
     assert {part.tokens for part in parts} == {whole.tokens} == {len(labels)}

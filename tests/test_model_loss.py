@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import torch
-from test_model_forward import gpt2
 from torch.nn import functional as F
 from transformers import GPT2DoubleHeadsModel, GPT2LMHeadModel
 
 from strips_lm.batches import Row, collate
 from strips_lm.loss import batch_losses, weighted
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
+from test_model_forward import gpt2
 
 RNG = np.random.default_rng(0)
 PAD = 0
@@ -17,6 +17,7 @@ PAD = 0
 
 def some_pairs(count=6, negatives=1):
     """(prompt, completions with the positive first) of different lengths."""
+
     def draw(low, high):
         return RNG.integers(1, 50, RNG.integers(low, high))
 

@@ -3,11 +3,11 @@
 import itertools
 import json
 
-import blocks_data
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import blocks_data
 from strips_lm import tokenizer as tokenizers
 from strips_lm.dataset import read_rows, split_files, texts
 from strips_lm.tokenizer import END, SPECIAL, BpeTokenizer, TokenizerError, fingerprint

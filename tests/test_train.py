@@ -4,16 +4,18 @@ import json
 import os
 import signal
 
-import blocks_data
 import pytest
 import torch
 from safetensors.torch import load_file
 
+import blocks_data
 from strips_lm import train as loop
 from strips_lm.checkpoint import CheckpointError
 from strips_lm.config import RunConfig
 from strips_lm.model import ModelError, export_lm, load_model
 from strips_lm.train import NotFiniteError, rate, train
+
+torch.set_num_threads(1)  # the models are so small that threads wait more than they work
 
 KINDS = ("double-head", "lm-head", "lstm")
 
@@ -59,7 +61,8 @@ def test_a_resumed_run_ends_bit_for_bit_where_an_uninterrupted_one_does(kind, da
         assert train(config(kind), data, out, resumed=True, shown=False) == 0
         whole, pieced = weights(tmp_path / "whole"), weights(out)
         assert all(torch.equal(whole[name], pieced[name]) for name in whole), stop
-        assert metrics(out)[-1]["lm_loss"] == metrics(tmp_path / "whole")[-1]["lm_loss"] or stop == 11
+        moments = [load_file(folder / "last" / "optimizer.safetensors") for folder in (tmp_path / "whole", out)]
+        assert all(torch.equal(moments[0][name], moments[1][name]) for name in moments[0]), stop
 
 
 def interrupt_at(step, monkeypatch):
@@ -110,7 +113,9 @@ def test_checkpoints_load_with_plain_transformers(kind, data, tmp_path, recwarn)
     ours = load_model(tmp_path)
     ids = torch.arange(10)[None]
     if kind == "double-head":
-        torch.testing.assert_close(GPT2DoubleHeadsModel.from_pretrained(tmp_path / "best")(ids).logits, ours(ids).logits)
+        torch.testing.assert_close(
+            GPT2DoubleHeadsModel.from_pretrained(tmp_path / "best")(ids).logits, ours(ids).logits
+        )
     export_lm(tmp_path, tmp_path / "lm")
     theirs = AutoModelForCausalLM.from_pretrained(tmp_path / "lm").eval()
     torch.testing.assert_close(theirs(ids).logits, ours(ids).logits)
@@ -135,7 +140,7 @@ def test_a_failed_write_leaves_the_earlier_checkpoint(data, tmp_path, monkeypatc
 
 
 def test_nothing_to_resume_says_so(data, tmp_path):
-    with pytest.raises((CheckpointError, ValueError), match="nothing to resume|plan_tokenizer"):
+    with pytest.raises(CheckpointError, match="nothing to resume"):
         train(config(), data, tmp_path, resumed=True, shown=False)
     with pytest.raises(ModelError, match="no checkpoint"):
         load_model(tmp_path)

@@ -159,6 +159,7 @@ def build_step(
     plan: Plan,
     dress: Dress,
     seed: Sequence[int],
+    *,
     rank: int = 0,
     world: int = 1,
 ) -> Step:

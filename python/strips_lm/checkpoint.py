@@ -10,13 +10,16 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
 from safetensors.torch import load_file, save_file
 
+from strips_lm._native import DataError
+
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    import torch
     from torch.optim import Optimizer
     from transformers import PreTrainedModel
 
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 OPTIMIZER, TRAINER = "optimizer.safetensors", "trainer.json"
 
 
-class CheckpointError(ValueError):
+class CheckpointError(DataError):
     """A checkpoint that cannot be resumed."""
 
 
@@ -95,19 +98,28 @@ def _swap(new: Path, final: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def resume(out: Path, model: PreTrainedModel, optimizer: Optimizer) -> Progress:
-    """Puts weights and optimiser back as `last` has them and returns where the run stood.
+def last_checkpoint(out: Path) -> Path:
+    """The folder of the checkpoint that a resumed run goes on from.
 
     Raises:
-        CheckpointError: there is no `last`, or it is of another model.
+        CheckpointError: there is none.
     """
     folder = next((f for f in (out / "last", out / "last.old") if (f / TRAINER).is_file()), None)
     if folder is None:
         raise CheckpointError(f"{out}: nothing to resume\nhint: train without `--resume` first")
+    return folder
+
+
+def resume(folder: Path, model: PreTrainedModel, optimizer: Optimizer) -> Progress:
+    """Puts weights and optimiser back as a checkpoint has them and returns where the run stood.
+
+    Raises:
+        CheckpointError: it is of another model.
+    """
     weights = load_file(folder / "model.safetensors")
     missing = set(model.state_dict()) - set(weights) - {"lm_head.weight"}
     if missing:
-        raise CheckpointError(f"{folder}: of another model: it lacks {sorted(missing)[0]}")
+        raise CheckpointError(f"{folder}: of another model: it lacks {min(missing)}")
     model.load_state_dict(weights, strict=False)
     model.tie_weights()
     _unflatten(load_file(folder / OPTIMIZER), optimizer)

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow.parquet as pq
 
+from strips_lm._native import DataError
 from strips_lm.tokenizer import fingerprint
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ ROWS = 4096
 """Records tokenized at a time."""
 
 
-class DataSetError(ValueError):
+class DataSetError(DataError):
     """A data set that cannot be trained on."""
 
 

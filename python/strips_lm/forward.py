@@ -16,19 +16,17 @@ block mask) saves a quarter of the linear work and loses as much in attention ov
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch.nn import functional as F
 from transformers.activations import ACT2FN
 
 if TYPE_CHECKING:
-    from torch import Tensor, nn
+    from torch import Tensor
 
 
-def hidden_at(
-    transformer: nn.Module, input_ids: Tensor, position_ids: Tensor, at: Tensor, dtype: torch.dtype
-) -> Tensor:
+def hidden_at(transformer: Any, input_ids: Tensor, position_ids: Tensor, at: Tensor, dtype: torch.dtype) -> Tensor:
     """Final hidden states (len(at), width) of the positions `at`, indices into the flattened (rows * length) tokens."""
     rows, length = input_ids.shape
     hidden = _embed(transformer, input_ids, position_ids).to(dtype).view(rows * length, -1)
@@ -43,11 +41,11 @@ def hidden_at(
     return _norm(transformer.ln_f, hidden)
 
 
-def _embed(transformer: nn.Module, input_ids: Tensor, position_ids: Tensor) -> Tensor:
+def _embed(transformer: Any, input_ids: Tensor, position_ids: Tensor) -> Tensor:
     return _drop(transformer.wte(input_ids) + transformer.wpe(position_ids), transformer.drop)
 
 
-def _attend(attention: nn.Module, hidden: Tensor, rows: int, triangle: Tensor) -> Tensor:
+def _attend(attention: Any, hidden: Tensor, rows: int, triangle: Tensor) -> Tensor:
     """Causal self-attention of (rows * length, width), before the output projection."""
     tokens, width = hidden.shape
     heads = attention.num_heads
@@ -57,7 +55,7 @@ def _attend(attention: nn.Module, hidden: Tensor, rows: int, triangle: Tensor) -
     return attend(query, key, value, triangle, attention).transpose(1, 2).reshape(tokens, width)
 
 
-def _attend_plainly(query: Tensor, key: Tensor, value: Tensor, triangle: Tensor, attention: nn.Module) -> Tensor:
+def _attend_plainly(query: Tensor, key: Tensor, value: Tensor, triangle: Tensor, attention: Any) -> Tensor:
     rows, heads, length, size = query.shape
     query, key, value = (part.reshape(rows * heads, length, size) for part in (query, key, value))
     scores = torch.baddbmm(triangle, query, key.transpose(1, 2), alpha=attention.scaling)
@@ -65,34 +63,35 @@ def _attend_plainly(query: Tensor, key: Tensor, value: Tensor, triangle: Tensor,
     return torch.bmm(weights, value).view(rows, heads, length, size)
 
 
-def _attend_fused(query: Tensor, key: Tensor, value: Tensor, _triangle: Tensor, attention: nn.Module) -> Tensor:
+def _attend_fused(query: Tensor, key: Tensor, value: Tensor, _triangle: Tensor, attention: Any) -> Tensor:
     dropout = attention.attn_dropout.p if attention.training else 0.0
     return F.scaled_dot_product_attention(query, key, value, dropout_p=dropout, is_causal=True, scale=attention.scaling)
 
 
-def _feed(mlp: nn.Module, hidden: Tensor) -> Tensor:
+def _feed(mlp: Any, hidden: Tensor) -> Tensor:
     return _drop(_linear(mlp.c_proj, activate(mlp.act, _linear(mlp.c_fc, hidden))), mlp.dropout)
 
 
-def activate(act: nn.Module, hidden: Tensor) -> Tensor:
+def activate(act: Any, hidden: Tensor) -> Tensor:
     """The block's activation; GPT-2's `gelu_new` in its fused form, which is the same function in one pass."""
-    return F.gelu(hidden, approximate="tanh") if isinstance(act, _GELU_NEW) else act(hidden)
+    activated: Tensor = F.gelu(hidden, approximate="tanh") if isinstance(act, _GELU_NEW) else act(hidden)
+    return activated
 
 
 _GELU_NEW = type(ACT2FN["gelu_new"])
 
 
-def _norm(norm: nn.Module, hidden: Tensor) -> Tensor:
+def _norm(norm: Any, hidden: Tensor) -> Tensor:
     weight, bias = norm.weight.to(hidden.dtype), norm.bias.to(hidden.dtype)
     return F.layer_norm(hidden, norm.normalized_shape, weight, bias, norm.eps)
 
 
-def _linear(layer: nn.Module, hidden: Tensor) -> Tensor:
+def _linear(layer: Any, hidden: Tensor) -> Tensor:
     """GPT-2's `Conv1D`: a linear layer whose weight is stored (in, out)."""
     return torch.addmm(layer.bias.to(hidden.dtype), hidden, layer.weight.to(hidden.dtype))
 
 
-def _drop(hidden: Tensor, dropout: nn.Module) -> Tensor:
+def _drop(hidden: Tensor, dropout: Any) -> Tensor:
     return F.dropout(hidden, dropout.p, dropout.training) if dropout.p > 0.0 else hidden
 
 

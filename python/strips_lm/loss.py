@@ -9,7 +9,7 @@ are therefore the same number whatever the cut. Only scored positions reach the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch.nn import functional as F
@@ -18,7 +18,7 @@ from strips_lm.forward import hidden_at
 from strips_lm.lstm import LstmLMHeadModel
 
 if TYPE_CHECKING:
-    from torch import Tensor, nn
+    from torch import Tensor
 
     from strips_lm.batches import Batch
 
@@ -39,7 +39,7 @@ class Losses:
     """Pairs whose positive scored highest."""
 
 
-def batch_losses(model: nn.Module, batch: Batch, dtype: torch.dtype = torch.float32) -> Losses:
+def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -> Losses:
     """Both losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
     tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
     hidden = _hidden(model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype)
@@ -57,19 +57,20 @@ def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float
     return losses.lm * (lm_weight / max(step_tokens, 1)) + losses.mc * (mc_weight / max(step_pairs, 1))
 
 
-def _hidden(model: nn.Module, batch: Batch, at: Tensor, dtype: torch.dtype) -> Tensor:
+def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype) -> Tensor:
     if isinstance(model, LstmLMHeadModel):
         return model.hidden_at(batch.input_ids, at)
     return hidden_at(model.transformer, batch.input_ids, batch.position_ids, at, dtype)
 
 
-def _lm_sum(model: nn.Module, hidden: Tensor, labels: Tensor) -> Tensor:
+def _lm_sum(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:
     weight = model.lm_head.weight.to(hidden.dtype)
     bias = getattr(model.lm_head, "bias", None)
     logits = F.linear(hidden, weight, None if bias is None else bias.to(hidden.dtype))
     return F.cross_entropy(logits.to(_weight_type(model)), labels, reduction="sum")
 
 
-def _weight_type(model: nn.Module) -> torch.dtype:
+def _weight_type(model: Any) -> torch.dtype:
     """The parameters' own type: losses are computed in it, whatever the layers ran in."""
-    return model.lm_head.weight.dtype
+    kind: torch.dtype = model.lm_head.weight.dtype
+    return kind

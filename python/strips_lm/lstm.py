@@ -13,16 +13,17 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 from transformers import AutoConfig, AutoModelForCausalLM, PretrainedConfig, PreTrainedModel
-from transformers.utils import ModelOutput
+from transformers.utils.generic import ModelOutput
 
 
-class LstmConfig(PretrainedConfig):
+class LstmConfig(PretrainedConfig):  # type: ignore[no-untyped-call]
     """Sizes of the LSTM language model."""
 
     model_type = "strips-lstm"
 
     def __init__(
         self,
+        *,
         vocab_size: int = 256,
         embedding_size: int = 128,
         hidden_size: int = 256,
@@ -50,7 +51,7 @@ class LstmOutput(ModelOutput):
     state: tuple[Tensor, Tensor] | None = None
 
 
-class LstmLMHeadModel(PreTrainedModel):
+class LstmLMHeadModel(PreTrainedModel):  # type: ignore[no-untyped-call]
     """Embedding → LSTM layers → dense."""
 
     config_class = LstmConfig
@@ -68,7 +69,7 @@ class LstmLMHeadModel(PreTrainedModel):
             dropout=config.dropout if config.num_hidden_layers > 1 else 0.0,
         )
         self.lm_head = nn.Linear(config.hidden_size, config.vocab_size)
-        self.post_init()
+        self.post_init()  # type: ignore[no-untyped-call]
 
     @torch.no_grad()
     def _init_weights(self, module: nn.Module) -> None:
@@ -80,7 +81,8 @@ class LstmLMHeadModel(PreTrainedModel):
     def hidden_at(self, input_ids: Tensor, at: Tensor) -> Tensor:
         """Hidden states (len(at), hidden size) of the flattened positions `at`."""
         hidden, _ = self.lstm(self.embedding(input_ids))
-        return hidden.reshape(-1, hidden.shape[-1])[at]
+        flat: Tensor = hidden.reshape(-1, hidden.shape[-1])
+        return flat[at]
 
     def forward(
         self,

@@ -14,6 +14,7 @@ import torch
 from transformers import AutoConfig, GPT2Config, GPT2DoubleHeadsModel, GPT2LMHeadModel, PreTrainedModel
 from transformers.utils import logging
 
+from strips_lm._native import DataError
 from strips_lm.forward import sinusoids
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
 
@@ -31,7 +32,7 @@ CLASSES: dict[str, type[PreTrainedModel]] = {
 """The class of each kind of model."""
 
 
-class ModelError(ValueError):
+class ModelError(DataError):
     """A folder or a name that holds no model of ours."""
 
 

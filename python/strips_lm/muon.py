@@ -8,7 +8,7 @@ own. Embeddings, heads, norms and biases follow AdamW. State: one momentum a mat
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from torch.optim import Optimizer
@@ -25,9 +25,9 @@ NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 
 
 def orthogonalise(matrices: Tensor, steps: int = 5) -> Tensor:
-    """Approximate U Vᵀ of each matrix U S Vᵀ in a stack (count, rows, columns); singular values end in about 0.7..1.2."""
+    """Approximate U Vᵀ of each U S Vᵀ in a stack (count, rows, columns); singular values end near 1."""
     tall = matrices.shape[-2] > matrices.shape[-1]
-    x = matrices.mT if tall else matrices
+    x: Tensor = matrices.mT if tall else matrices
     x = x / (x.norm(dim=(-2, -1), keepdim=True) + 1e-7)
     a, b, c = NEWTON_SCHULZ
     for _ in range(steps):
@@ -69,8 +69,9 @@ class MuonAdamW(Optimizer):
         state = self.state[parameter]
         if not state:
             state["momentum"] = torch.zeros_like(parameter)
-        state["momentum"].lerp_(parameter.grad, 1.0 - momentum)
-        return parameter.grad.lerp(state["momentum"], momentum)
+        grad = cast("Tensor", parameter.grad)
+        state["momentum"].lerp_(grad, 1.0 - momentum)
+        return grad.lerp(state["momentum"], momentum)
 
     def _adamw(self, group: dict[str, Any]) -> None:
         first, second = group["betas"]
@@ -96,7 +97,9 @@ def _newton_type(parameter: Tensor) -> torch.dtype:
 
 def split_parameters(model: nn.Module) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
     """(fused query-key-value matrices, other inner matrices, everything else) of a model, tied weights once."""
-    fused, matrices, rest = [], [], []
+    fused: list[Tensor] = []
+    matrices: list[Tensor] = []
+    rest: list[Tensor] = []
     for name, parameter in model.named_parameters():
         inner = parameter.ndim == 2 and (".h." in name or name.startswith("lstm."))
         (fused if inner and "c_attn" in name else matrices if inner else rest).append(parameter)

@@ -17,7 +17,7 @@ from accelerate.utils import broadcast_object_list
 
 from strips_lm import tokenizer as tokenizers
 from strips_lm.batches import Dress, Plan, build_step, walk
-from strips_lm.checkpoint import Keeper, Progress, resume
+from strips_lm.checkpoint import Keeper, Progress, last_checkpoint, resume
 from strips_lm.dataset import entropy_floor, open_split, texts
 from strips_lm.loss import weighted
 from strips_lm.model import make_model
@@ -108,7 +108,8 @@ def _build(run: Run, plan: Plan, records: Any, fraction: float) -> Step:
     choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
     dress = Dress(train.mc_share if choosing else 0.0, train.renumber_slots, train.position_offset)
     seed = (run.config.seed, run.progress.step, 1)
-    return build_step(run.data, records, plan, dress, seed, accelerator.process_index, accelerator.num_processes)
+    rank, world = accelerator.process_index, accelerator.num_processes
+    return build_step(run.data, records, plan, dress, seed, rank=rank, world=world)
 
 
 def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, float]:
@@ -248,15 +249,14 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
     """Opens the data, makes or resumes the model, and writes `run.toml`."""
     accelerator = Accelerator(log_with=list(config.train.trackers) or None, project_dir=str(out))
     out.mkdir(parents=True, exist_ok=True)
-    if resumed:
-        tokenizer = tokenizers.load(_last(out))
-    else:
-        tokenizer = tokenizers.make(config.tokenizer, data, texts(data))
+    tokenizer = (
+        tokenizers.load(last_checkpoint(out)) if resumed else tokenizers.make(config.tokenizer, data, texts(data))
+    )
     with accelerator.main_process_first():
         training, validation = _open(config, data, tokenizer)
     model = make_model(config.model, tokenizer, config.seed)
     optimizer = make_optimizer(model, config.train)
-    progress = resume(out, model, optimizer) if resumed else Progress()
+    progress = resume(last_checkpoint(out), model, optimizer) if resumed else Progress()
     objective = Objective(model, compute_type(config.train.precision, model, accelerator.device))
     objective.train()
     prepared, optimizer = accelerator.prepare(objective, optimizer)
@@ -278,9 +278,9 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
     )
 
 
-def _last(out: Path) -> Path:
-    """The folder of the checkpoint that a resumed run reads its tokenizer from."""
-    return out / "last" if (out / "last").is_dir() else out / "last.old"
+def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanTokenizer:
+    """A resumed run's own tokenizer, or a new one."""
+    return tokenizers.load(last_checkpoint(out)) if resumed else tokenizers.make(config.tokenizer, data, texts(data))
 
 
 def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:

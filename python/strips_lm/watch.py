@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -24,7 +24,7 @@ class Signals(AbstractContextManager["Signals"]):
         self.received: int | None = None
         self._before: dict[int, Any] = {}
 
-    def __enter__(self) -> Signals:
+    def __enter__(self) -> Self:
         for number in (signal.SIGINT, signal.SIGTERM):
             self._before[number] = signal.signal(number, self._remember)
         return self
@@ -64,11 +64,11 @@ class Watch(AbstractContextManager["Watch"]):
             TextColumn("{task.percentage:5.1f}%  {task.fields[note]}"),
             TimeElapsedColumn(),
             console=Console(stderr=True),
-            disable=not shown or not sys.stderr.isatty(),
+            disable=not (shown and sys.stderr.isatty()),
         )
         self._task = self._bar.add_task("train", total=1.0, note="")
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> Self:
         self._bar.start()
         return self
 

@@ -43,6 +43,8 @@ class TokenizerConfig:
     """`bpe`: a pre-trained tokenizer's name or folder (`gpt2`); empty trains one on the corpus."""
     vocab_size: int = 1024
     """`bpe` trained on the corpus: its vocabulary, our special tokens among them."""
+    layout: Literal["difference", "report"] = "difference"
+    """`canonical`: goal and states as differences, or spelled out as in the report (slots alone)."""
     max_slots: int = 32
     """`canonical`: slots for objects; a problem with more of them cannot be tokenized."""
 

@@ -48,5 +48,5 @@ def load(folder: str | Path) -> PlanTokenizer:
 def make(config: TokenizerConfig, data: Path, texts: Iterable[str]) -> PlanTokenizer:
     """The tokenizer that a configuration asks for, for the data set in `data`; `texts` are records to learn from."""
     if config.kind == "canonical":
-        return CanonicalTokenizer.of_data(data, config.max_slots)
+        return CanonicalTokenizer.of_data(data, config.max_slots, config.layout)
     return BpeTokenizer.pretrained(config.source) if config.source else BpeTokenizer.train(texts, config.vocab_size)

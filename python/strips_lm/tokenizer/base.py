@@ -8,6 +8,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from strips_lm._native import DataError
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -27,11 +29,11 @@ SETTINGS = "plan_tokenizer.json"
 """The file beside `tokenizer.json` that says which of ours it is."""
 
 
-DECIDING = ("tokenizer.json", "domain.pddl", "lexicon.toml")
+DECIDING = ("tokenizer.json", "codec.json")
 """The files that decide, with the settings, how a tokenizer encodes."""
 
 
-class TokenizerError(ValueError):
+class TokenizerError(DataError):
     """A tokenizer that cannot be read, or a text that it has no tokens for."""
 
 
