@@ -86,7 +86,7 @@ def collate(rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int) -> Ba
     )
 
 
-def _long(parts: list[NDArray[np.integer]]) -> Tensor:
+def _long(parts: Sequence[NDArray[np.integer]]) -> Tensor:
     return torch.from_numpy(np.concatenate(parts).astype(np.int64)) if parts else torch.zeros(0, dtype=torch.long)
 
 

@@ -104,13 +104,15 @@ def open_split(data: str | Path, split: str, tokenizer: PlanTokenizer, context: 
     folder = Path(data) / "tokens" / _key(files, tokenizer) / split
     if not (folder / "index.json").is_file():
         _tokenize(files, tokenizer, folder)
-    parts = [Ragged(_map(folder / f"{part}.tokens.npy"), _map(folder / f"{part}.offsets.npy")) for part in PARTS]
-    longest = parts[0].lengths + np.maximum(parts[1].lengths, parts[2].lengths)
+    prompts, positives, negatives = [
+        Ragged(_map(folder / f"{part}.tokens.npy"), _map(folder / f"{part}.offsets.npy")) for part in PARTS
+    ]
+    longest = prompts.lengths + np.maximum(positives.lengths, negatives.lengths)
     kept = np.flatnonzero(longest + room <= context)
     if len(kept) == 0:
         raise DataSetError(f"{data}: no record of `{split}` fits {context} positions\nhint: raise `model.context`")
     index, entropies = np.load(folder / "records.npy"), np.load(folder / "entropies.npy")
-    return PlanDataset(*parts, index, entropies, kept, tokenizer.end_id, tokenizer.slots)
+    return PlanDataset(prompts, positives, negatives, index, entropies, kept, tokenizer.end_id, tokenizer.slots)
 
 
 def entropy_floor(data: PlanDataset, records: int) -> float:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from strips_lm.config import ModelConfig
     from strips_lm.tokenizer import PlanTokenizer
 
-logging.disable_progress_bar()  # a bar for each file that is read or written would tear ours apart
+logging.disable_progress_bar()  # type: ignore[no-untyped-call]  # a bar for each file that is read or written would tear ours apart
 
 CLASSES: dict[str, type[PreTrainedModel]] = {
     "double-head": GPT2DoubleHeadsModel,
@@ -63,7 +63,8 @@ def load_model(folder: str | Path) -> PreTrainedModel:
     config = AutoConfig.from_pretrained(folder)
     kind = LstmLMHeadModel if isinstance(config, LstmConfig) else _gpt2_class(config)
     model: PreTrainedModel = kind.from_pretrained(folder)
-    return model.eval()
+    model.train(False)
+    return model
 
 
 def checkpoint_folder(folder: str | Path) -> Path:
@@ -104,7 +105,7 @@ def _gpt2_class(config: Any) -> type[PreTrainedModel]:
 
 def _pretrained(config: ModelConfig, tokenizer: PlanTokenizer) -> PreTrainedModel:
     """Pre-trained weights with rows for our tokens; they start at the mean of the others, as transformers has it."""
-    drops = dict.fromkeys(("resid_pdrop", "embd_pdrop", "attn_pdrop"), config.dropout)
+    drops: dict[str, Any] = dict.fromkeys(("resid_pdrop", "embd_pdrop", "attn_pdrop"), config.dropout)
     try:
         model: PreTrainedModel = CLASSES[config.kind].from_pretrained(config.initial, **drops)
     except OSError as error:
@@ -150,7 +151,7 @@ def _lstm_config(config: ModelConfig, tokenizer: PlanTokenizer) -> LstmConfig:
 
 
 @torch.no_grad()
-def _start_from_sinusoids(model: PreTrainedModel) -> None:
+def _start_from_sinusoids(model: Any) -> None:
     """Learned positions start as sinusoids with the spread of the other embeddings."""
     table = model.transformer.wpe.weight
     table.copy_(sinusoids(*table.shape) * (2**0.5 * model.config.initializer_range))

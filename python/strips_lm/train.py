@@ -60,7 +60,8 @@ class Run:
     @property
     def model(self) -> PreTrainedModel:
         """The model itself, out of its wrappers."""
-        return self.accelerator.unwrap_model(self.objective).model
+        model: PreTrainedModel = self.accelerator.unwrap_model(self.objective).model
+        return model
 
 
 def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool = False, shown: bool = True) -> int:

@@ -93,4 +93,4 @@ def _note(values: dict[str, Any]) -> str:
 
 
 def _short(value: float) -> str:
-    return f"{value:.4f}" if isinstance(value, float) and abs(value) < 100 else f"{value:.0f}"
+    return f"{value:.0f}" if abs(value) >= 100 or value == int(value) else f"{value:.4f}"

@@ -43,9 +43,10 @@ class BpeTokenizer:
             TokenizerError: there is none, or it is not of GPT-2's kind.
         """
         try:
-            return cls(AutoTokenizer.from_pretrained(source))
+            hf: Any = AutoTokenizer.from_pretrained(source)
         except OSError as error:
             raise TokenizerError(f"no tokenizer `{source}`: {str(error).splitlines()[0]}") from None
+        return cls(hf)
 
     @classmethod
     def train(cls, texts: Iterable[str], vocab_size: int) -> BpeTokenizer:
@@ -60,7 +61,8 @@ class BpeTokenizer:
             show_progress=False,
         )
         tokenizer.train_from_iterator(texts, trainer)
-        return cls(PreTrainedTokenizerFast(tokenizer_object=tokenizer, eos_token=END, bos_token=START))
+        fast: Any = PreTrainedTokenizerFast
+        return cls(fast(tokenizer_object=tokenizer, eos_token=END, bos_token=START))
 
     @classmethod
     def load(cls, folder: str | Path) -> BpeTokenizer:
@@ -80,12 +82,12 @@ class BpeTokenizer:
     @property
     def start_id(self) -> int:
         """The token that begins a record."""
-        return int(self.hf.convert_tokens_to_ids(START))
+        return self.hf.get_vocab()[START]
 
     @property
     def end_id(self) -> int:
         """The token that ends a record, and pads."""
-        return int(self.hf.convert_tokens_to_ids(END))
+        return self.hf.get_vocab()[END]
 
     def encode_prompts(self, prompts: Sequence[str]) -> tuple[list[Ids], list[Any]]:
         """Token ids of each prompt; legends are None."""

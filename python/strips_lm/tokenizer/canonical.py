@@ -117,7 +117,8 @@ def _too_many_objects(max_slots: int) -> str:
 def _word_level(ids: dict[str, int]) -> PreTrainedTokenizerFast:
     tokenizer = Tokenizer(models.WordLevel(ids, unk_token=END))
     tokenizer.pre_tokenizer = pre_tokenizers.WhitespaceSplit()
-    hf = PreTrainedTokenizerFast(tokenizer_object=tokenizer, bos_token=START, eos_token=END, pad_token=END)
+    fast: Any = PreTrainedTokenizerFast
+    hf: PreTrainedTokenizerFast = fast(tokenizer_object=tokenizer, bos_token=START, eos_token=END, pad_token=END)
     extra = [AddedToken(word, special=True, normalized=False) for word in SPECIAL[1:] if word in ids]
     hf.add_special_tokens({"additional_special_tokens": extra})
     return hf
