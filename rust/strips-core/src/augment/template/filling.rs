@@ -1,0 +1,165 @@
+//! Filling a template: choices made, placeholders made objects.
+
+use super::choices::{Choices, Odometer};
+use super::{Form, Hole, Kind, Pattern, Template};
+use crate::pddl::ast::{Atom, Condition, Domain, GroundAtom, Object, ObjectId, Problem, Term, TypeId};
+use crate::random::Random;
+use crate::span::Span;
+
+impl Template {
+    /// Every problem that the template stands for, in a fixed order; those that differ only in names may repeat.
+    pub fn expand<'t>(&'t self, domain: &'t Domain) -> impl Iterator<Item = Problem> + 't {
+        let mut odometer = Some(Odometer::default());
+        std::iter::from_fn(move || {
+            let choices = odometer.as_mut()?;
+            let problem = Filling::new(self, domain).fill(choices, self.distractors);
+            if !choices.advance() {
+                odometer = None;
+            }
+            Some(problem)
+        })
+    }
+
+    /// One problem with choices drawn at random, and this many distractors more than the template asks for.
+    pub fn draw(&self, domain: &Domain, surplus: (usize, usize), random: &mut Random) -> Problem {
+        let (least, most) = self.distractors;
+        Filling::new(self, domain).fill(random, (least + surplus.0, most + surplus.1))
+    }
+
+    /// The most objects that a problem of this template has, constants included.
+    pub fn most_objects(&self, domain: &Domain) -> usize {
+        domain.constants.len() + self.placeholders.len() + self.distractors.1
+    }
+}
+
+impl Template {
+    /// By how much the least and the most distractors must rise for every problem to have exactly `objects` objects.
+    pub fn surplus_for(&self, domain: &Domain, objects: usize) -> (usize, usize) {
+        let (least, most) = self.distractors;
+        let more = objects.saturating_sub(self.most_objects(domain));
+        (most - least + more, more)
+    }
+}
+
+struct Filling<'t> {
+    template: &'t Template,
+    domain: &'t Domain,
+    objects: Vec<Object>,
+    init: Vec<GroundAtom>,
+}
+
+impl<'t> Filling<'t> {
+    fn new(template: &'t Template, domain: &'t Domain) -> Self {
+        Self { template, domain, objects: domain.constants.clone(), init: Vec::new() }
+    }
+
+    fn fill(mut self, choices: &mut impl Choices, (least, most): (usize, usize)) -> Problem {
+        let template = self.template;
+        for types in &template.placeholders {
+            self.add_object(types[choose_one(choices, types.len())]);
+        }
+        self.place_all(&template.init, None, choices);
+        let count = if template.kinds.is_empty() { 0 } else { least + choose_one(choices, most - least + 1) };
+        let mut kind = 0;
+        for _ in 0..count {
+            // Kinds never descend: distractors are a multiset, and each is listed once.
+            kind += choose_one(choices, template.kinds.len() - kind);
+            self.add_distractor(&template.kinds[kind], choices);
+        }
+        self.finish()
+    }
+
+    fn add_object(&mut self, type_id: TypeId) -> ObjectId {
+        let name = format!("o{}", self.objects.len() - self.domain.constants.len());
+        self.objects.push(Object { name, types: vec![type_id], span: Span::default() });
+        ObjectId::from(self.objects.len() - 1)
+    }
+
+    fn add_distractor(&mut self, kind: &Kind, choices: &mut impl Choices) {
+        let this = self.add_object(kind.types[choose_one(choices, kind.types.len())]);
+        self.place_all(&kind.forms, Some(this), choices);
+    }
+
+    fn place_all(&mut self, forms: &[Form], this: Option<ObjectId>, choices: &mut impl Choices) {
+        forms.iter().for_each(|form| self.place(form, this, choices));
+    }
+
+    fn place(&mut self, form: &Form, this: Option<ObjectId>, choices: &mut impl Choices) {
+        match form {
+            Form::Atom(pattern) => {
+                let atom = self.ground(pattern, this, choices);
+                if !self.init.contains(&atom) {
+                    self.init.push(atom);
+                }
+            }
+            Form::And(parts) => self.place_all(parts, this, choices),
+            Form::OneOf(options) => {
+                let open: Vec<&Form> = options.iter().filter(|option| self.is_open(option, this)).collect();
+                if !open.is_empty() {
+                    self.place(open[choose_one(choices, open.len())], this, choices);
+                }
+            }
+        }
+    }
+
+    /// Whether every `(any …)` of the alternative finds an object.
+    fn is_open(&self, form: &Form, this: Option<ObjectId>) -> bool {
+        match form {
+            Form::And(parts) => parts.iter().all(|part| self.is_open(part, this)),
+            Form::OneOf(options) => options.iter().any(|option| self.is_open(option, this)),
+            Form::Atom(pattern) => pattern.terms.iter().all(|hole| match hole {
+                Hole::Any(type_id) => !self.candidates(*type_id, this).is_empty(),
+                _ => true,
+            }),
+        }
+    }
+
+    fn candidates(&self, type_id: TypeId, this: Option<ObjectId>) -> Vec<ObjectId> {
+        let fits = |object: &ObjectId| {
+            Some(*object) != this && self.domain.accepts(&[type_id], &self.objects[object.index()])
+        };
+        (0..self.objects.len()).map(ObjectId::from).filter(fits).collect()
+    }
+
+    fn ground(&self, pattern: &Pattern, this: Option<ObjectId>, choices: &mut impl Choices) -> GroundAtom {
+        let fill = |hole: &Hole| match *hole {
+            Hole::Constant(object) => object,
+            Hole::Placeholder(number) => ObjectId::from(self.domain.constants.len() + number),
+            Hole::This => this.expect("the reader allows `?d` only where a distractor is placed"),
+            Hole::Any(type_id) => {
+                let candidates = self.candidates(type_id, this);
+                candidates[choose_one(choices, candidates.len())]
+            }
+        };
+        GroundAtom { predicate: pattern.predicate, args: pattern.terms.iter().map(fill).collect() }
+    }
+
+    fn finish(self) -> Problem {
+        let goal = self.template.goal.iter().flatten().map(|(positive, pattern)| self.literal(*positive, pattern));
+        let goal = Condition::And(goal.collect());
+        problem(self.domain, &self.template.name, self.objects, self.init, goal)
+    }
+
+    fn literal(&self, positive: bool, pattern: &Pattern) -> Condition {
+        let term = |hole: &Hole| match *hole {
+            Hole::Constant(object) => Term::Object(object),
+            Hole::Placeholder(number) => Term::Object(ObjectId::from(self.domain.constants.len() + number)),
+            Hole::This | Hole::Any(_) => unreachable!("the reader refuses these in goals"),
+        };
+        let atom = Condition::Atom(Atom { predicate: pattern.predicate, terms: pattern.terms.iter().map(term).collect() });
+        if positive { atom } else { Condition::Not(Box::new(atom)) }
+    }
+}
+
+/// A choice of one among one is none, so that it costs the odometer nothing.
+fn choose_one(choices: &mut impl Choices, count: usize) -> usize {
+    if count == 1 { 0 } else { choices.choose(count) }
+}
+
+/// A problem without costs, its initial atoms in canonical order.
+fn problem(domain: &Domain, name: &str, objects: Vec<Object>, mut init: Vec<GroundAtom>, goal: Condition) -> Problem {
+    init.sort_unstable();
+    let requirements = domain.requirements.clone();
+    let (name, costs, warnings) = (name.to_owned(), Vec::new(), Vec::new());
+    Problem { name, objects, init, costs, goal, minimizes_cost: false, requirements, warnings }
+}

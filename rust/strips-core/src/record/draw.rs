@@ -1,0 +1,141 @@
+//! One record: a problem, a plan, names, words, a style and a negative, all drawn from the record's own stream.
+
+use super::config::RecordConfig;
+use super::shape::Shape;
+use super::splits::{Pools, Split};
+use super::table::{Batch, template_name};
+use crate::augment::Lexicon;
+use crate::negative::{Goal as WantedGoal, Negative, Step, draw_negative, trace};
+use crate::pddl::ast::{Domain, Object};
+use crate::random::Random;
+use crate::task::{Fact, State};
+use crate::text::{self, Naming, Style, render_completion, render_prompt};
+
+/// What every record is drawn from.
+pub(super) struct Book {
+    pub domain: std::sync::Arc<Domain>,
+    pub config: RecordConfig,
+    pub lexicon: Lexicon,
+    pub templates: Vec<String>,
+    pub pools: Pools,
+}
+
+/// A record before it is written down.
+struct Drawn<'b> {
+    shape: &'b Shape,
+    id: usize,
+    steps: Vec<Step>,
+    last: State,
+    names: Vec<String>,
+    words: Vec<String>,
+    /// Whether the text calls actions by `words`, not by the domain's names.
+    uses_words: bool,
+    style: Style,
+    negative: Negative,
+}
+
+impl Book {
+    /// Adds the record with this index of the split to the batch.
+    pub fn write(&self, split: Split, index: u64, batch: &mut Batch) {
+        let random = Random::new(self.config.seed, index).fork(split.name());
+        let seed = random.fork("seed").bits();
+        let drawn = self.draw(split, &random);
+        self.write_texts(&drawn, &mut random.fork("order"), batch);
+        self.write_facts(&drawn, batch);
+        batch.index.push(index as i64);
+        batch.seed.push(seed);
+    }
+
+    fn draw(&self, split: Split, random: &Random) -> Drawn<'_> {
+        let (id, shape) = self.draw_shape(split, &mut random.fork("shape"));
+        let plan = random.fork("plan").choice(&shape.plans).clone();
+        let (steps, last) = trace(&shape.task, &plan);
+        let naming = split.naming(&self.config);
+        let objects: &[Object] = &shape.task.problem.objects;
+        let names = naming.draw_names(&self.domain, &self.lexicon, objects, &mut random.fork("names"));
+        let mut random_style = random.fork("style");
+        let paper = random_style.chance(self.config.paper_share);
+        let style = if paper { Style::Paper } else { Style::Typed };
+        let uses_words = random_style.chance(split.words_share(&self.config)) || paper;
+        let own = || self.domain.actions.iter().map(|action| action.name.clone()).collect();
+        let drawn = || naming.draw_words(&self.domain, &self.lexicon, &mut random.fork("words"));
+        let words = if uses_words { drawn() } else { own() };
+        let weights = self.config.negative_weights();
+        let negative = draw_negative(&shape.task, &shape.goal, &steps, &weights, &mut random.fork("negative"));
+        Drawn { shape, id, steps, last, names, words, uses_words, style, negative }
+    }
+
+    fn draw_shape(&self, split: Split, random: &mut Random) -> (usize, &Shape) {
+        let pool = self.pools.of(split);
+        let group = &pool.groups[random.weighted(&pool.weights)];
+        let id = *random.choice(group) as usize;
+        (id, &self.pools.shapes[id])
+    }
+
+    fn write_texts(&self, drawn: &Drawn<'_>, random: &mut Random, batch: &mut Batch) {
+        let task = &drawn.shape.task;
+        let words = drawn.uses_words.then_some(&drawn.words[..]);
+        let naming = Naming { domain: &self.domain, objects: &task.problem.objects, names: Some(&drawn.names[..]), words };
+        let mut text = String::with_capacity(2048);
+        self.write_prompt(&naming, drawn, random, &mut text);
+        batch.prompt.push(&text);
+        for (steps, column) in [(&drawn.steps, &mut batch.completion), (&drawn.negative.steps, &mut batch.negative)] {
+            text.clear();
+            let parts = steps.iter().map(|step| (step.action, &step.args[..], &step.state[..]));
+            render_completion(&naming, parts, &mut text);
+            column.push(&text);
+        }
+    }
+
+    fn write_prompt(&self, naming: &Naming<'_, String>, drawn: &Drawn<'_>, random: &mut Random, out: &mut String) {
+        let task = &drawn.shape.task;
+        let shuffled = random.chance(self.config.shuffled_share);
+        let mut init = task.atoms(&task.init);
+        shuffle_if(shuffled, &mut init, random);
+        match &drawn.shape.goal {
+            WantedGoal::State(_) => {
+                let mut atoms: Vec<Fact> = task.atoms(&drawn.last);
+                shuffle_if(shuffled, &mut atoms, random);
+                render_prompt(naming, drawn.style, text::Goal::State(&atoms), &init, out);
+            }
+            WantedGoal::Literals(literals) => {
+                let mut literals = literals.clone();
+                shuffle_if(shuffled, &mut literals, random);
+                render_prompt(naming, drawn.style, text::Goal::Problem(&literals), &init, out);
+            }
+        }
+    }
+
+    fn write_facts(&self, drawn: &Drawn<'_>, batch: &mut Batch) {
+        let Drawn { shape, negative, .. } = drawn;
+        batch.plan.push(&self.ipc(&drawn.steps, &drawn.names));
+        batch.negative_kind.push(negative.kind.name());
+        batch.negative_verdict.push(negative.fault.kind.name());
+        batch.negative_step.push(negative.fault.step as i32);
+        batch.problem_id.push(drawn.id as i32);
+        batch.names.push(&drawn.names);
+        batch.words.push(&drawn.words);
+        batch.template.push(template_name(shape.source, &self.templates));
+        batch.style.push(drawn.style.name());
+        batch.goal_style.push(shape.goal_style().name());
+        batch.steps.push(drawn.steps.len() as i32);
+        batch.optimal_steps.push(shape.shortest as i32);
+        batch.plan_count.push(&shape.plan_count.to_string());
+    }
+
+    /// The plan with the domain's actions and the record's names, one operator a line.
+    fn ipc(&self, steps: &[Step], names: &[String]) -> String {
+        let line = |step: &Step| {
+            let action = std::iter::once(self.domain.actions[step.action.index()].name.as_str());
+            let args = step.args.iter().map(|object| names[object.index()].as_str());
+            format!("({})", action.chain(args).collect::<Vec<_>>().join(" "))
+        };
+        steps.iter().map(line).collect::<Vec<_>>().join("\n")
+    }
+}
+
+fn shuffle_if<T>(shuffled: bool, items: &mut [T], random: &mut Random) {
+    if shuffled {
+        random.shuffle(items);
+    }
+}

@@ -1,0 +1,77 @@
+//! Making and solving problems: what templates and the random generator share.
+
+use std::sync::Arc;
+
+use super::config::{PlanChoice, RecordConfig};
+use super::exploration::Exploration;
+use super::shape::{Shape, Source};
+use crate::negative::Goal;
+use crate::pddl::ast::{Condition, Domain, Problem};
+use crate::random::Random;
+use crate::search::{PlanSet, Semantics};
+use crate::task::{LimitError, Limits, Task, ground};
+
+/// What all problems are made with.
+pub(super) struct Workshop<'c> {
+    pub domain: Arc<Domain>,
+    pub config: &'c RecordConfig,
+    pub limits: Limits,
+}
+
+impl Workshop<'_> {
+    /// The random numbers for one named purpose.
+    pub fn random(&self, purpose: &str) -> Random {
+        Random::new(self.config.seed, 0).fork(purpose)
+    }
+}
+
+/// Grounds the problem with its goal left open, so that goals can be chosen after.
+pub(super) fn open_task(workshop: &Workshop, mut problem: Problem) -> Result<Task, LimitError> {
+    problem.goal = Condition::And(Vec::new());
+    ground(workshop.domain.clone(), Arc::new(problem), &workshop.limits)
+}
+
+/// States in one layer of an exploration, and their distance: what a goal is reached by.
+pub(super) type Ends<'e> = (&'e Exploration, usize, &'e [usize]);
+
+/// The nearest states that satisfy the goal, if it takes at least one step and no more than allowed.
+pub(super) fn goal_states(config: &RecordConfig, task: &Task, goal: &Goal) -> Option<(Exploration, usize, Vec<usize>)> {
+    let reached = |state: &crate::task::State| goal.holds(task, state);
+    let exploration = Exploration::new(task, config.max_steps, usize::MAX, reached);
+    let (shortest, states) = exploration.nearest(reached)?;
+    (shortest > 0).then_some((exploration, shortest, states))
+}
+
+/// The problem with the plans that the configuration wants; none where that takes more than the limits allow.
+pub(super) fn shape(
+    config: &RecordConfig,
+    source: Source,
+    task: &Arc<Task>,
+    goal: Goal,
+    (exploration, shortest, states): Ends,
+    (hash, family): (u128, u128),
+    random: &mut Random,
+) -> Option<Shape> {
+    let (plans, plan_count) = match config.plans {
+        PlanChoice::Shortest => {
+            let plans = exploration.shortest_plans(states, config.plans_per_problem, random);
+            (plans, exploration.count(states))
+        }
+        PlanChoice::All => all_plans(config, task, &goal, random)?,
+    };
+    Some(Shape { source, task: task.clone(), goal, plans, plan_count, shortest, hash, family })
+}
+
+/// All first-goal plans of at most `max_steps` steps, or a uniform sample of them.
+fn all_plans(config: &RecordConfig, task: &Arc<Task>, goal: &Goal, random: &mut Random) -> Option<(Vec<Vec<crate::task::OperatorId>>, u128)> {
+    let aimed = Arc::new(Task { goal: goal.condition(task), ..(**task).clone() });
+    let set = PlanSet::new(aimed, config.max_steps, Semantics::FirstGoal, &Limits::default()).ok()?;
+    let count = u128::try_from(set.count()).ok()?;
+    let replace = false;
+    let plans = if count <= config.plans_per_problem as u128 {
+        set.iter().map(|plan| plan.0).collect()
+    } else {
+        set.sample(config.plans_per_problem, random.bits(), replace).ok()?.iter().map(|plan| plan.0).collect()
+    };
+    Some((plans, count))
+}

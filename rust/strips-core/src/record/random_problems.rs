@@ -1,0 +1,113 @@
+//! Random problems: a drawn initial state, scrambled by a random walk, and goals from states at drawn distances.
+
+use std::sync::Arc;
+
+use super::exploration::Exploration;
+use super::problems::{Workshop, open_task, shape};
+use super::shape::{Shape, Source, hash_of};
+use crate::augment::Template;
+use crate::negative::Goal;
+use crate::pddl::ast::Problem;
+use crate::random::Random;
+use crate::task::{LimitError, State, Task};
+
+/// Most steps of the walk that scrambles an initial state.
+const SCRAMBLE: usize = 12;
+/// Most literals of a drawn goal that is no whole state.
+const LITERALS: usize = 3;
+
+/// What problems to draw.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    /// Names the stream of random numbers.
+    pub purpose: &'static str,
+    /// Added to the least and the most distractors of the start.
+    pub surplus: (usize, usize),
+    /// Least and most steps of a shortest plan.
+    pub steps: (usize, usize),
+    /// Most states explored.
+    pub states: usize,
+    /// Goals for each start.
+    pub goals: usize,
+}
+
+/// The solved problems from the start with this number.
+///
+/// # Errors
+/// When grounding passes the limits.
+pub(super) fn shapes(workshop: &Workshop, start: &Start, wanted: Wanted, number: usize) -> Result<Vec<Shape>, LimitError> {
+    let mut random = workshop.random(&format!("{} {number}", wanted.purpose));
+    let problem = start.problem(workshop, wanted, &mut random);
+    let task = Arc::new(scrambled(workshop, problem, &mut random)?);
+    let exploration = Exploration::new(&task, wanted.steps.1, wanted.states, |_| false);
+    let drawn = (0..wanted.goals).filter_map(|_| draw(workshop, &task, &exploration, wanted, &mut random));
+    Ok(drawn.collect())
+}
+
+/// Where random problems start from.
+pub(super) enum Start {
+    /// A template without a goal.
+    Template(Template),
+    /// The initial states of given problems, in turn.
+    Problems(Vec<Problem>),
+}
+
+impl Start {
+    fn problem(&self, workshop: &Workshop, wanted: Wanted, random: &mut Random) -> Problem {
+        match self {
+            Start::Template(template) => template.draw(&workshop.domain, wanted.surplus, random),
+            Start::Problems(problems) => random.choice(problems).clone(),
+        }
+    }
+}
+
+/// The task whose initial state is where a random walk from the problem's leads.
+fn scrambled(workshop: &Workshop, problem: Problem, random: &mut Random) -> Result<Task, LimitError> {
+    let task = open_task(workshop, problem)?;
+    let mut state = task.init.clone();
+    for _ in 0..random.below(SCRAMBLE + 1) {
+        let applicable: Vec<_> = task.operators.iter().filter(|operator| operator.applicable(&state)).collect();
+        if applicable.is_empty() {
+            break;
+        }
+        state = task.apply(random.choice(&applicable), &state);
+    }
+    let problem = Problem { init: task.atoms(&state), ..(*task.problem).clone() };
+    open_task(workshop, problem)
+}
+
+/// A goal at a drawn distance, solved.
+fn draw(workshop: &Workshop, task: &Arc<Task>, exploration: &Exploration, wanted: Wanted, random: &mut Random) -> Option<Shape> {
+    let (least, most) = (wanted.steps.0, wanted.steps.1.min(exploration.depth()));
+    if most < least {
+        return None;
+    }
+    let layer = exploration.layer(least + random.below(most - least + 1));
+    let target = layer.start + random.below(layer.len());
+    let config = workshop.config;
+    let goal = if random.chance(config.state_goal_share) {
+        Goal::State(exploration.states[target].clone())
+    } else {
+        some_changes(task, &exploration.states[target], random)
+    };
+    let (shortest, states) = match goal {
+        Goal::State(_) => (exploration.depth_of(target), vec![target]),
+        Goal::Literals(_) => exploration.nearest(|state| goal.holds(task, state))?,
+    };
+    if shortest < least {
+        return None;
+    }
+    let hash = hash_of(task, &goal);
+    shape(config, Source::Random, task, goal, (exploration, shortest, &states), (hash, hash), random)
+}
+
+/// Up to three of the facts in which the state differs from the initial one, as they are there.
+fn some_changes(task: &Task, state: &State, random: &mut Random) -> Goal {
+    let basic = |id: usize| !task.domain.predicates[task.facts[id].predicate.index()].derived;
+    let differs = |&id: &usize| basic(id) && task.init.holds(id.into()) != state.holds(id.into());
+    let mut changed: Vec<usize> = (0..task.facts.len()).filter(differs).collect();
+    random.shuffle(&mut changed);
+    changed.truncate(1 + random.below(LITERALS));
+    changed.sort_unstable();
+    Goal::Literals(changed.into_iter().map(|id| (task.facts[id].clone(), state.holds(id.into()))).collect())
+}

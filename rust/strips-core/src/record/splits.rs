@@ -1,0 +1,208 @@
+//! Which problems belong to which split: nothing that a suite holds out reaches training.
+
+use rustc_hash::FxHashSet;
+
+use super::config::RecordConfig;
+use super::shape::{Shape, Source};
+use crate::augment::{Hold, Naming, Names};
+
+/// A part of a data set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Split {
+    /// For training.
+    Train,
+    /// For choosing checkpoints.
+    Validation,
+    /// New records of what was trained.
+    Seen,
+    /// Held-out object names.
+    UnseenObjects,
+    /// Held-out made-up words for objects.
+    UnseenMadeUpNames,
+    /// Held-out words for actions.
+    UnseenActions,
+    /// Held-out problems.
+    UnseenShapes,
+    /// Held-out templates.
+    UnseenTemplate,
+    /// More objects than in training.
+    MoreObjects,
+    /// Longer plans than in training.
+    Longer,
+}
+
+impl Split {
+    /// Every split, in the order in which they are written.
+    pub const ALL: [Split; 10] = [
+        Self::Train,
+        Self::Validation,
+        Self::Seen,
+        Self::UnseenObjects,
+        Self::UnseenMadeUpNames,
+        Self::UnseenActions,
+        Self::UnseenShapes,
+        Self::UnseenTemplate,
+        Self::MoreObjects,
+        Self::Longer,
+    ];
+
+    /// The split's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Validation => "validation",
+            Self::Seen => "seen",
+            Self::UnseenObjects => "unseen-objects",
+            Self::UnseenMadeUpNames => "unseen-made-up-names",
+            Self::UnseenActions => "unseen-actions",
+            Self::UnseenShapes => "unseen-shapes",
+            Self::UnseenTemplate => "unseen-template",
+            Self::MoreObjects => "more-objects",
+            Self::Longer => "longer",
+        }
+    }
+
+    /// The split of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|split| split.name() == name)
+    }
+
+    /// How the split's records name things.
+    pub(super) fn naming(self, config: &RecordConfig) -> Naming {
+        let trained = Names::Trained { made_up: config.made_up_share };
+        match self {
+            Self::UnseenObjects => Naming { names: Names::HeldOut, words: Hold::Trained },
+            Self::UnseenMadeUpNames => Naming { names: Names::MadeUp, words: Hold::Trained },
+            Self::UnseenActions => Naming { names: trained, words: Hold::HeldOut },
+            _ => Naming { names: trained, words: Hold::Trained },
+        }
+    }
+
+    /// Share of the split's typed records that give the words for actions.
+    pub(super) fn words_share(self, config: &RecordConfig) -> f64 {
+        if self == Self::UnseenActions { 1.0 } else { config.words_share }
+    }
+}
+
+/// The problems of each split, as positions in one list.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pools {
+    pub shapes: Vec<Shape>,
+    trained: Pool,
+    validation: Pool,
+    unseen_shapes: Pool,
+    unseen_template: Pool,
+    more_objects: Pool,
+    longer: Pool,
+}
+
+/// Groups of problems, each with a weight; a record draws a group, then one of its problems.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pool {
+    pub weights: Vec<f64>,
+    pub groups: Vec<Vec<u32>>,
+}
+
+/// Problems by where they come from, before they are sorted into splits.
+pub(super) struct Solved {
+    /// By template.
+    pub templates: Vec<Vec<Shape>>,
+    pub random: Vec<Shape>,
+    pub more_objects: Vec<Shape>,
+    pub longer: Vec<Shape>,
+}
+
+impl Pools {
+    /// Sorts the problems into splits, each kept once.
+    pub fn new(solved: Solved, held_out: &[usize], config: &RecordConfig) -> Self {
+        let mut sorter = Sorter::new(config);
+        let (out, kept): (Vec<_>, Vec<_>) =
+            solved.templates.into_iter().enumerate().partition(|(number, _)| held_out.contains(number));
+        let unseen_template = sorter.add(out.into_iter().flat_map(|(_, shapes)| shapes));
+        let candidates = sorter.add(kept.into_iter().flat_map(|(_, shapes)| shapes).chain(solved.random));
+        let more_objects = sorter.add(solved.more_objects);
+        let longer = sorter.add(solved.longer);
+        sorter.finish(&candidates, [unseen_template, more_objects, longer])
+    }
+
+    /// The problems that the split's records are drawn from; empty where there are none.
+    pub fn of(&self, split: Split) -> &Pool {
+        match split {
+            Split::Validation if !self.validation.groups.is_empty() => &self.validation,
+            Split::UnseenShapes => &self.unseen_shapes,
+            Split::UnseenTemplate => &self.unseen_template,
+            Split::MoreObjects => &self.more_objects,
+            Split::Longer => &self.longer,
+            _ => &self.trained,
+        }
+    }
+}
+
+struct Sorter<'c> {
+    config: &'c RecordConfig,
+    shapes: Vec<Shape>,
+    seen: FxHashSet<u128>,
+}
+
+impl<'c> Sorter<'c> {
+    fn new(config: &'c RecordConfig) -> Self {
+        Self { config, shapes: Vec::new(), seen: FxHashSet::default() }
+    }
+
+    /// Takes the problems that are not isomorphic to one taken before.
+    fn add(&mut self, shapes: impl IntoIterator<Item = Shape>) -> Vec<u32> {
+        let mut ids = Vec::new();
+        for shape in shapes {
+            if self.seen.insert(shape.hash) {
+                ids.push(self.shapes.len() as u32);
+                self.shapes.push(shape);
+            }
+        }
+        ids
+    }
+
+    fn finish(self, candidates: &[u32], [template, objects, longer]: [Vec<u32>; 3]) -> Pools {
+        let validation = if self.config.validation_by_shape { self.config.validation_share } else { 0.0 };
+        let bands = [self.config.unseen_shapes_share, self.config.unseen_shapes_share + validation];
+        let band = |id: &u32| {
+            // A variant of a held-out problem is held out with it.
+            let place = (self.shapes[*id as usize].family >> 64) as u64 as f64 / u64::MAX as f64;
+            bands.iter().position(|&end| place < end).unwrap_or(bands.len())
+        };
+        let chosen = |wanted| candidates.iter().copied().filter(|id| band(id) == wanted).collect::<Vec<u32>>();
+        let pool = |ids: Vec<u32>| Pool::new(&ids, &self.shapes, self.config.template_share);
+        let pools = [pool(chosen(0)), pool(chosen(1)), pool(chosen(2)), pool(template), pool(objects), pool(longer)];
+        let [unseen_shapes, validation, trained, unseen_template, more_objects, longer] = pools;
+        Pools { shapes: self.shapes, trained, validation, unseen_shapes, unseen_template, more_objects, longer }
+    }
+}
+
+impl Pool {
+    /// One group a template, which share `template_share` evenly, and one of random problems for the rest.
+    fn new(ids: &[u32], shapes: &[Shape], template_share: f64) -> Self {
+        let mut keys: Vec<Option<usize>> = ids.iter().map(|&id| key(&shapes[id as usize])).collect();
+        keys.sort_unstable();
+        keys.dedup();
+        let templates = keys.iter().flatten().count();
+        let weight = |key: &Option<usize>| match key {
+            Some(_) => template_share / templates as f64,
+            None => 1.0 - template_share,
+        };
+        let members = |wanted: &Option<usize>| {
+            ids.iter().copied().filter(|&id| key(&shapes[id as usize]) == *wanted).collect::<Vec<u32>>()
+        };
+        let mut weights: Vec<f64> = keys.iter().map(weight).collect();
+        if weights.iter().sum::<f64>() <= 0.0 {
+            weights.fill(1.0);
+        }
+        Self { weights, groups: keys.iter().map(members).collect() }
+    }
+}
+
+/// The group that a problem belongs to.
+fn key(shape: &Shape) -> Option<usize> {
+    match shape.source {
+        Source::Template(number) => Some(number),
+        Source::Random => None,
+    }
+}

@@ -1,0 +1,235 @@
+//! From a domain's files and a configuration to any range of any split's records.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::config::{ConfigMistake, RecordConfig};
+use super::draw::Book;
+use super::problems::Workshop;
+use super::random_problems::{self, Start, Wanted};
+use super::shape::Shape;
+use super::splits::{Pools, Solved, Split};
+use super::table::{Batch, ProblemTable, template_name};
+use super::template_problems;
+use crate::augment::{Lexicon, LexiconError, Template, read_template};
+use crate::pddl::ast::Domain;
+use crate::pddl::{PddlError, Source, parse_domain, parse_problem};
+use crate::task::{LimitError, Limits};
+
+/// Records that one thread makes at a time.
+const CHUNK: u64 = 256;
+/// Random starts that are made before their problems are counted.
+const STARTS: usize = 32;
+/// Problems of `longer` and of `more-objects`, and how many come from one start.
+const SUITE_PROBLEMS: (usize, usize) = (250, 10);
+/// Most states explored from one start of these suites.
+const SUITE_STATES: usize = 20_000;
+
+/// The texts that make up a domain.
+#[derive(Clone, Debug)]
+pub struct DomainFiles {
+    /// `domain.pddl`.
+    pub domain: Source,
+    /// `lexicon.toml`.
+    pub lexicon: Option<Source>,
+    /// `templates/*.pddl`, in the order of their names.
+    pub templates: Vec<Source>,
+    /// `random.pddl`.
+    pub random: Option<Source>,
+    /// Problems whose initial states random goals start from, where there is no `random.pddl`.
+    pub problems: Vec<Source>,
+}
+
+/// Why there are no records.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum RecordError {
+    /// A domain, problem or template is wrong.
+    #[error("{0}")]
+    Pddl(#[from] PddlError),
+    /// The lexicon is wrong.
+    #[error("{0}")]
+    Lexicon(#[from] LexiconError),
+    /// The configuration is wrong.
+    #[error("{0}")]
+    Config(#[from] ConfigMistake),
+    /// A budget was spent.
+    #[error("{0}")]
+    Limit(#[from] LimitError),
+    /// The configuration and the files leave nothing to train on.
+    #[error("`{domain}` has no problems to make records of: no template, no random start, or no goal within reach")]
+    NoProblems {
+        /// The domain's name.
+        domain: String,
+    },
+}
+
+/// The files, read.
+struct Parts {
+    domain: Arc<Domain>,
+    lexicon: Lexicon,
+    templates: Vec<Template>,
+    start: Option<Start>,
+}
+
+/// All records of a data set, made on demand.
+pub struct RecordStream {
+    book: Book,
+}
+
+impl RecordStream {
+    /// Reads the files, makes and solves every problem, and sorts them into splits; on the current thread pool.
+    ///
+    /// # Errors
+    /// The first mistake in a file or the configuration, or a limit.
+    pub fn new(files: &DomainFiles, config: RecordConfig, limits: Limits) -> Result<Self, RecordError> {
+        config.check()?;
+        let parts = read(files)?;
+        let held_out = held_out(&parts.templates, &config)?;
+        let workshop = Workshop { domain: parts.domain.clone(), config: &config, limits };
+        let solved = solve(&workshop, &parts)?;
+        let pools = Pools::new(solved, &held_out, &config);
+        if pools.of(Split::Train).groups.is_empty() {
+            return Err(RecordError::NoProblems { domain: parts.domain.name.clone() });
+        }
+        let templates = parts.templates.iter().map(|template| template.name.clone()).collect();
+        Ok(Self { book: Book { domain: parts.domain, lexicon: parts.lexicon, templates, pools, config } })
+    }
+
+    /// The splits that have records, and how many each has.
+    pub fn splits(&self) -> Vec<(Split, u64)> {
+        Split::ALL.into_iter().map(|split| (split, self.len(split))).filter(|&(_, records)| records > 0).collect()
+    }
+
+    /// How many records the split has.
+    pub fn len(&self, split: Split) -> u64 {
+        let (config, lexicon) = (&self.book.config, &self.book.lexicon);
+        let testable = match split {
+            Split::UnseenObjects => lexicon.has_held_out_names(),
+            Split::UnseenActions => lexicon.has_held_out_words(),
+            _ => true,
+        };
+        match split {
+            _ if !testable || self.book.pools.of(split).groups.is_empty() => 0,
+            Split::Train => config.pairs - config.validation_records(),
+            Split::Validation => config.validation_records(),
+            _ => config.suite_records,
+        }
+    }
+
+    /// The records of the range, on the current thread pool; the same for any number of threads.
+    pub fn batch(&self, split: Split, range: Range<u64>) -> Batch {
+        let starts: Vec<u64> = range.clone().step_by(CHUNK as usize).collect();
+        let chunk = |&start: &u64| {
+            let mut batch = Batch::default();
+            (start..range.end.min(start + CHUNK)).for_each(|index| self.book.write(split, index, &mut batch));
+            batch
+        };
+        let chunks: Vec<Batch> = starts.par_iter().map(chunk).collect();
+        let mut whole = Batch::default();
+        chunks.iter().for_each(|chunk| whole.append(chunk));
+        whole
+    }
+
+    /// How many problems the records refer to.
+    pub fn problems(&self) -> usize {
+        self.book.pools.shapes.len()
+    }
+
+    /// A problem, by its id.
+    pub fn problem(&self, id: usize) -> &Shape {
+        &self.book.pools.shapes[id]
+    }
+
+    /// The problems that the records refer to.
+    pub fn problem_table(&self) -> ProblemTable {
+        let ids: Vec<usize> = (0..self.problems()).collect();
+        let part = |ids: &[usize]| {
+            let mut table = ProblemTable::default();
+            for &id in ids {
+                let shape = self.problem(id);
+                table.push(id, shape, template_name(shape.source, &self.book.templates));
+            }
+            table
+        };
+        let parts: Vec<ProblemTable> = ids.par_chunks(CHUNK as usize).map(part).collect();
+        let mut whole = ProblemTable::default();
+        parts.iter().for_each(|part| whole.append(part));
+        whole
+    }
+}
+
+fn read(files: &DomainFiles) -> Result<Parts, RecordError> {
+    let domain = Arc::new(parse_domain(&files.domain)?);
+    let lexicon = match &files.lexicon {
+        Some(source) => Lexicon::read(source, &domain)?,
+        None => Lexicon::bare(&domain),
+    };
+    let template = |source: &Source| read_template(source, &domain);
+    let templates = files.templates.iter().map(template).collect::<Result<Vec<_>, _>>()?;
+    let problem = |source: &Source| parse_problem(source, &domain, Some(&files.domain));
+    let problems = files.problems.iter().map(problem).collect::<Result<Vec<_>, _>>()?;
+    let start = match &files.random {
+        Some(source) => Some(Start::Template(template(source)?)),
+        None if problems.is_empty() => None,
+        None => Some(Start::Problems(problems)),
+    };
+    Ok(Parts { domain, lexicon, templates, start })
+}
+
+fn held_out(templates: &[Template], config: &RecordConfig) -> Result<Vec<usize>, ConfigMistake> {
+    let number = |name: &String| {
+        let found = templates.iter().position(|template| template.name == *name);
+        found.ok_or_else(|| ConfigMistake::Template(name.clone()))
+    };
+    config.held_out_templates.iter().map(number).collect()
+}
+
+fn solve(workshop: &Workshop, parts: &Parts) -> Result<Solved, RecordError> {
+    let config = workshop.config;
+    let template = |(number, template): (usize, &Template)| template_problems::shapes(workshop, number, template);
+    let templates = parts.templates.iter().enumerate().map(template).collect::<Result<Vec<_>, _>>()?;
+    let mut solved = Solved { templates, random: Vec::new(), more_objects: Vec::new(), longer: Vec::new() };
+    let Some(start) = &parts.start else { return Ok(solved) };
+    let trained = Wanted {
+        purpose: "random problem",
+        surplus: (0, 0),
+        steps: (1, config.max_steps),
+        states: config.states_per_start,
+        goals: config.goals_per_state,
+    };
+    solved.random = collect(workshop, start, trained, config.random_problems)?;
+    if config.suite_records == 0 {
+        return Ok(solved);
+    }
+    let (problems, goals) = SUITE_PROBLEMS;
+    let suite = Wanted { states: SUITE_STATES, goals, ..trained };
+    let longer = Wanted { purpose: "longer", steps: config.longer_steps, ..suite };
+    solved.longer = collect(workshop, start, longer, problems)?;
+    if let Start::Template(random) = start {
+        let most = parts.templates.iter().chain([random]).map(|template| template.most_objects(&workshop.domain)).max();
+        let surplus = random.surplus_for(&workshop.domain, most.unwrap_or(0) + config.more_objects);
+        let more = Wanted { purpose: "more objects", surplus, ..suite };
+        solved.more_objects = collect(workshop, start, more, problems)?;
+    }
+    Ok(solved)
+}
+
+/// Problems from one start after the other until there are enough, or starts keep giving nothing.
+fn collect(workshop: &Workshop, start: &Start, wanted: Wanted, enough: usize) -> Result<Vec<Shape>, LimitError> {
+    let mut shapes = Vec::new();
+    let mut seen = rustc_hash::FxHashSet::default();
+    let tries = 4 * enough.div_ceil(wanted.goals * STARTS) + 4;
+    for round in (0..tries).take_while(|_| enough > 0) {
+        let numbers: Vec<usize> = (round * STARTS..(round + 1) * STARTS).collect();
+        let from = |&number: &usize| random_problems::shapes(workshop, start, wanted, number);
+        let found = numbers.par_iter().map(from).collect::<Result<Vec<_>, _>>()?;
+        shapes.extend(found.into_iter().flatten().filter(|shape| seen.insert(shape.hash)));
+        if shapes.len() >= enough {
+            shapes.truncate(enough);
+            break;
+        }
+    }
+    Ok(shapes)
+}
