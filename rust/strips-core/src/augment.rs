@@ -15,5 +15,5 @@ pub use canonical_form::{Structure, canonical_hash};
 pub use error::{LexiconError, LexiconErrorKind};
 pub use lexicon::{Hold, Lexicon};
 pub use made_up::made_up_word;
-pub use naming::{Naming, Names};
+pub use naming::{Names, Naming};
 pub use template::{Template, read_template};

@@ -5,6 +5,8 @@
 //!
 //! Knows no Python, no Parquet and no command line: text and numbers in, values out.
 
+pub mod augment;
+pub mod negative;
 pub mod pddl;
 pub mod plan;
 pub mod random;

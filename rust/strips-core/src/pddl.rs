@@ -7,13 +7,13 @@
 pub mod ast;
 mod display;
 mod edit_distance;
-mod error;
+pub(crate) mod error;
 mod lexer;
 mod lookup;
 mod parser;
 mod source;
 mod stratify;
-mod tree;
+pub(crate) mod tree;
 
 pub(crate) use edit_distance::nearest;
 pub(crate) use stratify::strata;

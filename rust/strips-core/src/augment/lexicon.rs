@@ -73,7 +73,9 @@ impl Lexicon {
         let table = DeTable::parse(source.text()).map_err(|error| {
             at(LexiconErrorKind::Toml(error.message().to_owned()), error.span().map_or(0, |span| span.start))
         })?;
-        Reader { lexicon: Self::bare(domain), domain }.read(table.get_ref()).map_err(|(kind, span)| at(kind, span.start))
+        Reader { lexicon: Self::bare(domain), domain }
+            .read(table.get_ref())
+            .map_err(|(kind, span)| at(kind, span.start))
     }
 
     /// Names for objects of the type: its own, or those of the nearest type above that has any.

@@ -3,9 +3,8 @@
 use super::lexicon::Hold;
 use crate::random::Random;
 
-const ONSETS: [&str; 22] = [
-    "b", "d", "f", "g", "h", "j", "k", "l", "m", "n", "p", "r", "s", "t", "v", "w", "z", "br", "dr", "kl", "pl", "tr",
-];
+const ONSETS: [&str; 22] =
+    ["b", "d", "f", "g", "h", "j", "k", "l", "m", "n", "p", "r", "s", "t", "v", "w", "z", "br", "dr", "kl", "pl", "tr"];
 const VOWELS: [&str; 6] = ["a", "e", "i", "o", "u", "oo"];
 const CODAS: [&str; 9] = ["", "", "", "n", "l", "r", "s", "m", "k"];
 
@@ -43,7 +42,8 @@ mod tests {
     #[test]
     fn training_never_draws_a_held_out_word() {
         let mut random = Random::new(0, 0);
-        let mut draw = |hold| (0..2_000).map(|_| made_up_word(&mut random, hold)).collect::<std::collections::HashSet<_>>();
+        let mut draw =
+            |hold| (0..2_000).map(|_| made_up_word(&mut random, hold)).collect::<std::collections::HashSet<_>>();
         let (trained, held_out) = (draw(Hold::Trained), draw(Hold::HeldOut));
         assert!(trained.is_disjoint(&held_out));
         assert!(trained.len() > 1_500 && held_out.len() > 1_500, "{} {}", trained.len(), held_out.len());

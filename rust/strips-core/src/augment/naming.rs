@@ -32,7 +32,13 @@ impl Naming {
     /// A name for each object, all different; the domain's constants keep theirs.
     ///
     /// Where the lexicon's names for a type run out, made-up words of the same side stand in.
-    pub fn draw_names(&self, domain: &Domain, lexicon: &Lexicon, objects: &[Object], random: &mut Random) -> Vec<String> {
+    pub fn draw_names(
+        &self,
+        domain: &Domain,
+        lexicon: &Lexicon,
+        objects: &[Object],
+        random: &mut Random,
+    ) -> Vec<String> {
         let fixed = domain.constants.len();
         let mut names: Vec<String> = objects[..fixed].iter().map(|object| object.name.clone()).collect();
         for object in &objects[fixed..] {
@@ -42,7 +48,14 @@ impl Naming {
         names
     }
 
-    fn draw_name(&self, domain: &Domain, lexicon: &Lexicon, object: &Object, used: &[String], random: &mut Random) -> String {
+    fn draw_name(
+        &self,
+        domain: &Domain,
+        lexicon: &Lexicon,
+        object: &Object,
+        used: &[String],
+        random: &mut Random,
+    ) -> String {
         let (hold, made_up) = match self.names {
             Names::Trained { made_up } => (Hold::Trained, random.chance(made_up)),
             Names::HeldOut => (Hold::HeldOut, false),

@@ -213,29 +213,29 @@ impl PddlErrorKind {
 
 /// An error before it is known in which source: what the parser's functions return.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Fault {
-    pub(super) kind: PddlErrorKind,
-    pub(super) span: Span,
+pub(crate) struct Fault {
+    pub(crate) kind: PddlErrorKind,
+    pub(crate) span: Span,
 }
 
 impl Fault {
-    pub(super) fn new(kind: PddlErrorKind, span: Span) -> Self {
+    pub(crate) fn new(kind: PddlErrorKind, span: Span) -> Self {
         Self { kind, span }
     }
 
-    pub(super) fn expected(expected: &'static str, found: &str, span: Span) -> Self {
+    pub(crate) fn expected(expected: &'static str, found: &str, span: Span) -> Self {
         Self::new(PddlErrorKind::Expected { expected, found: found.to_owned() }, span)
     }
 
-    pub(super) fn unsupported(feature: &'static str, span: Span) -> Self {
+    pub(crate) fn unsupported(feature: &'static str, span: Span) -> Self {
         Self::new(PddlErrorKind::Unsupported { feature }, span)
     }
 
-    pub(super) fn duplicate(what: Declaration, name: &str, span: Span) -> Self {
+    pub(crate) fn duplicate(what: Declaration, name: &str, span: Span) -> Self {
         Self::new(PddlErrorKind::Duplicate { what, name: name.to_owned() }, span)
     }
 
-    pub(super) fn within(self, source: &Source) -> PddlError {
+    pub(crate) fn within(self, source: &Source) -> PddlError {
         PddlError::new(self.kind, self.span, source)
     }
 }

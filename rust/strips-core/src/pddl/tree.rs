@@ -8,10 +8,10 @@ use super::lexer::{Lexer, TokenKind};
 use crate::span::Span;
 
 /// Lists nested deeper than this are refused.
-pub(super) const MAX_DEPTH: usize = 256;
+pub(crate) const MAX_DEPTH: usize = 256;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum NodeKind {
+pub(crate) enum NodeKind {
     List,
     Name,
     Variable,
@@ -25,14 +25,14 @@ struct Node {
 }
 
 /// A whole text as nested lists of words, in lower case.
-pub(super) struct Tree {
+pub(crate) struct Tree {
     text: String,
     nodes: Vec<Node>,
 }
 
 impl Tree {
     /// Reads exactly one list, the definition, from the text.
-    pub(super) fn read(text: &str) -> Result<Tree, Fault> {
+    pub(crate) fn read(text: &str) -> Result<Tree, Fault> {
         if u32::try_from(text.len()).is_err() {
             return Err(Fault::new(PddlErrorKind::TooLarge, Span::default()));
         }
@@ -41,7 +41,7 @@ impl Tree {
     }
 
     /// The one list that the text consists of.
-    pub(super) fn root(&self) -> Item<'_> {
+    pub(crate) fn root(&self) -> Item<'_> {
         Item { tree: self, index: 0 }
     }
 }
@@ -136,7 +136,7 @@ impl<'s> Reader<'s> {
 
 /// One node: a list, a name or a variable.
 #[derive(Clone, Copy)]
-pub(super) struct Item<'t> {
+pub(crate) struct Item<'t> {
     tree: &'t Tree,
     index: u32,
 }
@@ -146,21 +146,21 @@ impl<'t> Item<'t> {
         &self.tree.nodes[self.index as usize]
     }
 
-    pub(super) fn span(self) -> Span {
+    pub(crate) fn span(self) -> Span {
         self.node().span
     }
 
-    pub(super) fn kind(self) -> NodeKind {
+    pub(crate) fn kind(self) -> NodeKind {
         self.node().kind
     }
 
     /// The item's text in lower case, of a list with all that it holds.
-    pub(super) fn text(self) -> &'t str {
+    pub(crate) fn text(self) -> &'t str {
         &self.tree.text[self.span().start()..self.span().end()]
     }
 
     /// What to call the item in "expected …, found …".
-    pub(super) fn describe(self) -> String {
+    pub(crate) fn describe(self) -> String {
         match self.kind() {
             NodeKind::List => "a list".to_owned(),
             NodeKind::Name => format!("`{}`", self.text()),
@@ -169,7 +169,7 @@ impl<'t> Item<'t> {
     }
 
     /// The list's items, or an error that something else was expected.
-    pub(super) fn list(self, expected: &'static str) -> Result<Items<'t>, Fault> {
+    pub(crate) fn list(self, expected: &'static str) -> Result<Items<'t>, Fault> {
         match self.kind() {
             NodeKind::List => {
                 Ok(Items { tree: self.tree, next: self.index + 1, end: self.node().end, list: self.index })
@@ -179,7 +179,7 @@ impl<'t> Item<'t> {
     }
 
     /// The name, or an error that something else was expected.
-    pub(super) fn name(self, expected: &'static str) -> Result<&'t str, Fault> {
+    pub(crate) fn name(self, expected: &'static str) -> Result<&'t str, Fault> {
         match self.kind() {
             NodeKind::Name => Ok(self.text()),
             _ => Err(self.unexpected(expected)),
@@ -187,23 +187,23 @@ impl<'t> Item<'t> {
     }
 
     /// The name if it is one.
-    pub(super) fn as_name(self) -> Option<&'t str> {
+    pub(crate) fn as_name(self) -> Option<&'t str> {
         (self.kind() == NodeKind::Name).then(|| self.text())
     }
 
     /// The first word of the list, if it is a list that begins with a name.
-    pub(super) fn head(self) -> Option<&'t str> {
+    pub(crate) fn head(self) -> Option<&'t str> {
         self.list("").ok()?.next()?.as_name()
     }
 
-    pub(super) fn unexpected(self, expected: &'static str) -> Fault {
+    pub(crate) fn unexpected(self, expected: &'static str) -> Fault {
         Fault::expected(expected, &self.describe(), self.span())
     }
 }
 
 /// The items of one list, in order.
 #[derive(Clone)]
-pub(super) struct Items<'t> {
+pub(crate) struct Items<'t> {
     tree: &'t Tree,
     next: u32,
     end: u32,
@@ -212,17 +212,17 @@ pub(super) struct Items<'t> {
 
 impl<'t> Items<'t> {
     /// The next item, or an error that the list ended too early.
-    pub(super) fn expect(&mut self, expected: &'static str) -> Result<Item<'t>, Fault> {
+    pub(crate) fn expect(&mut self, expected: &'static str) -> Result<Item<'t>, Fault> {
         self.next().ok_or_else(|| Fault::expected(expected, "`)`", self.closing()))
     }
 
     /// An error unless the list has ended.
-    pub(super) fn expect_end(&mut self) -> Result<(), Fault> {
+    pub(crate) fn expect_end(&mut self) -> Result<(), Fault> {
         self.next().map_or(Ok(()), |item| Err(item.unexpected("`)`")))
     }
 
     /// Where the list's closing parenthesis stands.
-    pub(super) fn closing(&self) -> Span {
+    pub(crate) fn closing(&self) -> Span {
         let end = self.tree.nodes[self.list as usize].span.end();
         Span::new(end - 1, end)
     }

@@ -115,9 +115,8 @@ impl<'t> Filling<'t> {
     }
 
     fn candidates(&self, type_id: TypeId, this: Option<ObjectId>) -> Vec<ObjectId> {
-        let fits = |object: &ObjectId| {
-            Some(*object) != this && self.domain.accepts(&[type_id], &self.objects[object.index()])
-        };
+        let fits =
+            |object: &ObjectId| Some(*object) != this && self.domain.accepts(&[type_id], &self.objects[object.index()]);
         (0..self.objects.len()).map(ObjectId::from).filter(fits).collect()
     }
 
@@ -146,7 +145,8 @@ impl<'t> Filling<'t> {
             Hole::Placeholder(number) => Term::Object(ObjectId::from(self.domain.constants.len() + number)),
             Hole::This | Hole::Any(_) => unreachable!("the reader refuses these in goals"),
         };
-        let atom = Condition::Atom(Atom { predicate: pattern.predicate, terms: pattern.terms.iter().map(term).collect() });
+        let atom =
+            Condition::Atom(Atom { predicate: pattern.predicate, terms: pattern.terms.iter().map(term).collect() });
         if positive { atom } else { Condition::Not(Box::new(atom)) }
     }
 }

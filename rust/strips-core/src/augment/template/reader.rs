@@ -2,7 +2,8 @@
 
 use super::{Form, Hole, Kind, Pattern, Template};
 use crate::pddl::ast::{Domain, Object, ObjectId, TypeId};
-use crate::pddl::tree::{Fault, Item, Items, NodeKind, Tree};
+use crate::pddl::error::Fault;
+use crate::pddl::tree::{Item, Items, NodeKind, Tree};
 use crate::pddl::{Declaration, PddlError, PddlErrorKind, Source};
 use crate::span::Span;
 
