@@ -10,6 +10,7 @@ pub mod negative;
 pub mod pddl;
 pub mod plan;
 pub mod random;
+pub mod record;
 pub mod search;
 pub mod span;
 pub mod task;

@@ -17,6 +17,8 @@ mod splits;
 mod stream;
 mod table;
 mod template_problems;
+#[cfg(test)]
+mod tests;
 
 pub use config::{ConfigMistake, PlanChoice, RecordConfig};
 pub use shape::{Shape, Source as ShapeSource};

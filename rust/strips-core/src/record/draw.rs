@@ -75,7 +75,8 @@ impl Book {
     fn write_texts(&self, drawn: &Drawn<'_>, random: &mut Random, batch: &mut Batch) {
         let task = &drawn.shape.task;
         let words = drawn.uses_words.then_some(&drawn.words[..]);
-        let naming = Naming { domain: &self.domain, objects: &task.problem.objects, names: Some(&drawn.names[..]), words };
+        let naming =
+            Naming { domain: &self.domain, objects: &task.problem.objects, names: Some(&drawn.names[..]), words };
         let mut text = String::with_capacity(2048);
         self.write_prompt(&naming, drawn, random, &mut text);
         batch.prompt.push(&text);

@@ -63,7 +63,12 @@ pub(super) fn shape(
 }
 
 /// All first-goal plans of at most `max_steps` steps, or a uniform sample of them.
-fn all_plans(config: &RecordConfig, task: &Arc<Task>, goal: &Goal, random: &mut Random) -> Option<(Vec<Vec<crate::task::OperatorId>>, u128)> {
+fn all_plans(
+    config: &RecordConfig,
+    task: &Arc<Task>,
+    goal: &Goal,
+    random: &mut Random,
+) -> Option<(Vec<Vec<crate::task::OperatorId>>, u128)> {
     let aimed = Arc::new(Task { goal: goal.condition(task), ..(**task).clone() });
     let set = PlanSet::new(aimed, config.max_steps, Semantics::FirstGoal, &Limits::default()).ok()?;
     let count = u128::try_from(set.count()).ok()?;
@@ -71,7 +76,11 @@ fn all_plans(config: &RecordConfig, task: &Arc<Task>, goal: &Goal, random: &mut 
     let plans = if count <= config.plans_per_problem as u128 {
         set.iter().map(|plan| plan.0).collect()
     } else {
-        set.sample(config.plans_per_problem, random.bits(), replace).ok()?.iter().map(|plan| plan.0).collect()
+        set.sample(config.plans_per_problem, random.bits(), replace, &Limits::default())
+            .ok()?
+            .iter()
+            .map(|plan| plan.0)
+            .collect()
     };
     Some((plans, count))
 }

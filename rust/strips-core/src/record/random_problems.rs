@@ -35,7 +35,12 @@ pub(super) struct Wanted {
 ///
 /// # Errors
 /// When grounding passes the limits.
-pub(super) fn shapes(workshop: &Workshop, start: &Start, wanted: Wanted, number: usize) -> Result<Vec<Shape>, LimitError> {
+pub(super) fn shapes(
+    workshop: &Workshop,
+    start: &Start,
+    wanted: Wanted,
+    number: usize,
+) -> Result<Vec<Shape>, LimitError> {
     let mut random = workshop.random(&format!("{} {number}", wanted.purpose));
     let problem = start.problem(workshop, wanted, &mut random);
     let task = Arc::new(scrambled(workshop, problem, &mut random)?);
@@ -70,14 +75,20 @@ fn scrambled(workshop: &Workshop, problem: Problem, random: &mut Random) -> Resu
         if applicable.is_empty() {
             break;
         }
-        state = task.apply(random.choice(&applicable), &state);
+        state = task.apply(random.choice::<&crate::task::Operator>(&applicable), &state);
     }
     let problem = Problem { init: task.atoms(&state), ..(*task.problem).clone() };
     open_task(workshop, problem)
 }
 
 /// A goal at a drawn distance, solved.
-fn draw(workshop: &Workshop, task: &Arc<Task>, exploration: &Exploration, wanted: Wanted, random: &mut Random) -> Option<Shape> {
+fn draw(
+    workshop: &Workshop,
+    task: &Arc<Task>,
+    exploration: &Exploration,
+    wanted: Wanted,
+    random: &mut Random,
+) -> Option<Shape> {
     let (least, most) = (wanted.steps.0, wanted.steps.1.min(exploration.depth()));
     if most < least {
         return None;

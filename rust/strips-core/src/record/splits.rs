@@ -4,7 +4,7 @@ use rustc_hash::FxHashSet;
 
 use super::config::RecordConfig;
 use super::shape::{Shape, Source};
-use crate::augment::{Hold, Naming, Names};
+use crate::augment::{Hold, Names, Naming};
 
 /// A part of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -28,7 +28,14 @@ pub(super) fn shapes(workshop: &Workshop, number: usize, template: &Template) ->
     let mut fresh: Vec<_> = tasks.into_iter().filter(|(_, _, hash)| seen.insert(*hash)).collect();
     thin(&mut fresh, workshop.config.problems_per_template, &mut random);
     let solve = |(task, goal, hash): (Task, Goal, u128)| {
-        solve(workshop.config, Source::Template(number), Arc::new(task), &goal, hash, workshop.random(&format!("plans {hash:x}")))
+        solve(
+            workshop.config,
+            Source::Template(number),
+            Arc::new(task),
+            &goal,
+            hash,
+            workshop.random(&format!("plans {hash:x}")),
+        )
     };
     Ok(fresh.into_par_iter().flat_map_iter(solve).collect())
 }
@@ -73,7 +80,14 @@ fn literal(part: &Condition) -> (Fact, bool) {
 }
 
 /// The problem itself and, for some of the states its plans end in, the problem of reaching exactly that state.
-fn solve(config: &RecordConfig, source: Source, task: Arc<Task>, goal: &Goal, family: u128, mut random: Random) -> Vec<Shape> {
+fn solve(
+    config: &RecordConfig,
+    source: Source,
+    task: Arc<Task>,
+    goal: &Goal,
+    family: u128,
+    mut random: Random,
+) -> Vec<Shape> {
     let ends = super::problems::goal_states(config, &task, goal);
     let Some((exploration, shortest, mut states)) = ends else { return Vec::new() };
     let shape = |goal: Goal, states: &[usize], random: &mut Random| {

@@ -1,0 +1,163 @@
+//! The manipulation domain's records, checked against the oracle.
+
+use std::collections::{BTreeMap, HashSet};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::*;
+use crate::negative::{Corruption, FaultKind, Goal, check, trace};
+use crate::pddl::Source;
+use crate::search::{PlanSet, Semantics};
+use crate::task::{Limits, Task, ground};
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../python/strips_lm/domains/manipulation")
+}
+
+fn source(name: &str) -> Source {
+    Source::new(name, std::fs::read_to_string(folder().join(name)).expect("the file is part of the tree"))
+}
+
+pub(super) fn manipulation() -> DomainFiles {
+    let entries = std::fs::read_dir(folder().join("templates")).expect("the folder is part of the tree");
+    let mut names: Vec<_> =
+        entries.map(|entry| format!("templates/{}", entry.unwrap().file_name().to_string_lossy())).collect();
+    names.sort();
+    DomainFiles {
+        domain: source("domain.pddl"),
+        lexicon: Some(source("lexicon.toml")),
+        templates: names.iter().map(|name| source(name)).collect(),
+        random: Some(source("random.pddl")),
+        problems: vec![],
+    }
+}
+
+pub(super) fn config() -> RecordConfig {
+    RecordConfig {
+        seed: 3,
+        pairs: 600,
+        validation_share: 1.0 / 6.0,
+        validation_by_shape: false,
+        suite_records: 60,
+        max_steps: 7,
+        plans: PlanChoice::Shortest,
+        plans_per_problem: 16,
+        problems_per_template: 12,
+        random_problems: 60,
+        goals_per_state: 6,
+        states_per_start: 300,
+        template_share: 0.5,
+        state_goal_share: 0.5,
+        paper_share: 0.2,
+        words_share: 0.5,
+        shuffled_share: 0.3,
+        made_up_share: 0.3,
+        unseen_shapes_share: 0.2,
+        held_out_templates: vec!["take-out".into()],
+        more_objects: 2,
+        longer_steps: (8, 12),
+        negatives: Corruption::ALL.iter().map(|kind| (kind.name().to_owned(), 1.0)).collect::<BTreeMap<_, _>>(),
+    }
+}
+
+fn stream(config: RecordConfig) -> RecordStream {
+    RecordStream::new(&manipulation(), config, Limits::default()).unwrap()
+}
+
+#[test]
+fn every_split_has_records_and_is_the_same_for_any_cut() {
+    let stream = stream(config());
+    assert_eq!(stream.splits().len(), Split::ALL.len(), "{:?}", stream.splits());
+    for (split, records) in stream.splits() {
+        let whole = stream.batch(split, 0..records);
+        let mut cut = stream.batch(split, 0..records / 3);
+        cut.append(&stream.batch(split, records / 3..records));
+        assert!(whole == cut, "{}", split.name());
+    }
+}
+
+#[test]
+fn every_plan_of_a_problem_is_right_and_shortest() {
+    let stream = stream(config());
+    for id in 0..stream.problems() {
+        let shape = stream.problem(id);
+        for plan in &shape.plans {
+            assert_eq!(plan.len(), shape.shortest);
+            assert_eq!(check(&shape.task, &shape.goal, &trace(&shape.task, plan).0), None);
+        }
+    }
+}
+
+#[test]
+fn the_shortest_plans_are_those_of_the_plan_set() {
+    let stream = stream(config());
+    for id in (0..stream.problems()).step_by(5) {
+        let shape = stream.problem(id);
+        let problem = Arc::new(shape.problem("again"));
+        let task = Arc::new(ground(shape.task.domain.clone(), problem, &Limits::default()).unwrap());
+        let set = PlanSet::new(task.clone(), shape.shortest, Semantics::FirstGoal, &Limits::default()).unwrap();
+        assert_eq!(set.count(), shape.plan_count.into(), "problem {id}");
+        let names = |task: &Task, plan: &[crate::task::OperatorId]| {
+            plan.iter().map(|&operator| task.operator_name(operator)).collect::<Vec<_>>()
+        };
+        if shape.plan_count <= 16 {
+            let own: HashSet<_> = shape.plans.iter().map(|plan| names(&shape.task, plan)).collect();
+            assert_eq!(own, set.iter().map(|plan| names(&task, &plan.0)).collect::<HashSet<_>>());
+        }
+    }
+}
+
+#[test]
+fn every_kind_of_negative_occurs_with_its_proof() {
+    let stream = stream(config());
+    let batch = stream.batch(Split::Train, 0..500);
+    let kinds: HashSet<&str> = (0..500).map(|row| batch.negative_kind.get(row)).collect();
+    assert_eq!(kinds.len(), Corruption::ALL.len(), "{kinds:?}");
+    let verdicts: HashSet<&str> = (0..500).map(|row| batch.negative_verdict.get(row)).collect();
+    for kind in [FaultKind::Inapplicable, FaultKind::GoalNotReached, FaultKind::WrongState, FaultKind::Type] {
+        assert!(verdicts.contains(kind.name()), "{verdicts:?}");
+    }
+    assert!((0..500).all(|row| batch.negative.get(row) != batch.completion.get(row)));
+}
+
+#[test]
+fn suites_share_no_problem_with_training() {
+    let stream = stream(config());
+    let problems =
+        |split| -> HashSet<i32> { stream.batch(split, 0..stream.len(split)).problem_id.into_iter().collect() };
+    let trained = problems(Split::Train);
+    for split in [Split::UnseenShapes, Split::UnseenTemplate, Split::MoreObjects, Split::Longer] {
+        assert!(trained.is_disjoint(&problems(split)), "{}", split.name());
+    }
+    let hashes: HashSet<u128> = (0..stream.problems()).map(|id| stream.problem(id).hash).collect();
+    assert_eq!(hashes.len(), stream.problems(), "each problem is there once");
+    let objects = |split| problems(split).into_iter().map(|id| stream.problem(id as usize).task.problem.objects.len());
+    assert!(objects(Split::MoreObjects).min() >= objects(Split::Train).max().map(|most| most + 2));
+    assert!(problems(Split::Longer).into_iter().all(|id| stream.problem(id as usize).shortest >= 8));
+}
+
+#[test]
+fn the_figure_of_the_report_has_two_shortest_plans_of_five_steps() {
+    let domain = Arc::new(crate::pddl::parse_domain(&source("domain.pddl")).unwrap());
+    let text =
+        "(define (problem figure-4) (:domain manipulation) (:objects teabag - movable cup - vessel shelf - fixture)
+        (:init (inworkspace table) (inworkspace teabag) (inworkspace cup) (on teabag shelf) (on cup shelf))
+        (:goal (and (on teabag cup) (on cup table) (opened cup))))";
+    let problem = crate::pddl::parse_problem(&Source::new("figure-4", text), &domain, None).unwrap();
+    let task = Arc::new(ground(domain, Arc::new(problem), &Limits::default()).unwrap());
+    let set = PlanSet::new(task.clone(), 7, Semantics::FirstGoal, &Limits::default()).unwrap();
+    let counts: Vec<String> = set.counts().iter().map(ToString::to_string).collect();
+    assert_eq!(counts[..6], ["0", "0", "0", "0", "0", "2"], "{counts:?}");
+    let figure = ["(pick cup)", "(place cup table)", "(open cup)", "(pick teabag)", "(place teabag cup)"];
+    let names = |plan: &crate::search::Plan| plan.0.iter().map(|&id| task.operator_name(id)).collect::<Vec<_>>();
+    assert!(set.iter().take(2).any(|plan| names(&plan) == figure));
+}
+
+#[test]
+fn a_state_goal_asks_for_exactly_that_state() {
+    let stream = stream(config());
+    let shape = (0..stream.problems()).map(|id| stream.problem(id)).find(|shape| matches!(shape.goal, Goal::State(_)));
+    let shape = shape.expect("half of the goals are states");
+    let literals = shape.goal.literals(&shape.task);
+    assert_eq!(literals.len(), shape.task.facts.len(), "every fact that can change, true or false");
+}
