@@ -9,6 +9,7 @@ mod interrupt;
 mod operators;
 mod pddl;
 mod plan_set;
+mod record;
 mod state_graph;
 mod task;
 mod text;
@@ -27,6 +28,8 @@ mod _native {
     use crate::pddl::{Domain, Problem};
     #[pymodule_export]
     use crate::plan_set::{PlanIterator, PlanSet, Plans};
+    #[pymodule_export]
+    use crate::record::RecordStream;
     #[pymodule_export]
     use crate::state_graph::state_graph;
     #[pymodule_export]
