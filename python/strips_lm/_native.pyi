@@ -4,7 +4,7 @@ Texts in, plans, counts and verdicts out. Every call that may be long leaves the
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, TypeAlias, final, overload
+from typing import Any, Literal, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ __all__ = [
     "PlanSet",
     "Plans",
     "Problem",
+    "RecordStream",
     "Task",
     "Verdict",
     "__version__",
@@ -438,3 +439,37 @@ def state_graph(
     Raises:
         LimitError: there are more than `max_states`.
     """
+
+@final
+class RecordStream:
+    """All records of a data set, made on demand; the same bytes for any number of threads."""
+
+    def __new__(
+        cls,
+        config: str,
+        domain: tuple[str, str],
+        lexicon: tuple[str, str] | None = None,
+        templates: Sequence[tuple[str, str]] = ...,
+        random: tuple[str, str] | None = None,
+        problems: Sequence[tuple[str, str]] = ...,
+        jobs: int = 0,
+    ) -> RecordStream:
+        """Reads the files, each a name and its text, and solves every problem; `config` is JSON.
+
+        Raises:
+            PddlError: a PDDL file is wrong.
+            DataError: the lexicon or the configuration is wrong.
+            LimitError: a problem is too large.
+        """
+    @property
+    def splits(self) -> list[tuple[str, int]]:
+        """The splits that have records, in order, and how many each has."""
+    def batch(self, split: str, start: int, stop: int) -> dict[str, Any]:
+        """Records as columns: arrays of numbers, `(offsets, bytes)` for texts, `(offsets, texts)` for lists.
+
+        Raises:
+            ValueError: there is no such split.
+            IndexError: it does not have as many records.
+        """
+    def problems(self) -> dict[str, Any]:
+        """The problems that the records refer to, as columns."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "plans": "print or count all plans of a problem",
     "validate": "check plans against a problem, with the reason where one fails",
+    "gen-data": "make a data set whose every label is proven",
     "train": "train a model on a data set",
 }
 """Every command's name and what it does, in the order of `--help`. The module is the name with `_` for `-`."""

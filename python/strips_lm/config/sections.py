@@ -5,7 +5,7 @@ A field's owner is the module that reads it; a contradiction is rejected where t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from strips_lm.config.names import ConfigError
@@ -16,6 +16,21 @@ def check(holds: bool, complaint: str) -> None:
     if not holds:
         raise ConfigError(complaint)
 
+NEGATIVES = (
+    "shuffle-actions",
+    "shuffle-states",
+    "shuffle-both",
+    "drop-step",
+    "repeat-step",
+    "swap-steps",
+    "wrong-argument",
+    "missing-atom",
+    "invented-atom",
+    "other-goal",
+    "prefix",
+)
+"""The kinds of negatives; `docs/record-format.md` describes them."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DataConfig:
@@ -23,14 +38,62 @@ class DataConfig:
 
     domain: str = "manipulation"
     """A built-in domain's name, or a folder with the same files."""
+    problems: tuple[str, ...] = ()
+    """PDDL problems whose initial states random goals start from, where the domain's folder has no `random.pddl`."""
     pairs: int = 71_128
     """Pairs of a plan and a negative, over training and validation."""
+    validation_share: float = 1 / 6
+    """Share of `pairs` in the validation split."""
+    validation_by_shape: bool = False
+    """Whether the validation split has problems of its own."""
+    suite_records: int = 1000
+    """Records of each suite; 0 makes none."""
     max_steps: int = 7
     """The longest plan, in steps."""
+    plans: Literal["shortest", "all"] = "shortest"
+    """Which plans become records: the shortest, or all of at most `max_steps` steps (the report's)."""
+    plans_per_problem: int = 16
+    """Most plans of one problem; where there are more, as many are drawn uniformly."""
+    problems_per_template: int = 400
+    """Most problems of one template, the whole-state variants not counted."""
+    random_problems: int = 12_000
+    """Random problems beside the templates'."""
+    goals_per_state: int = 8
+    """Goals drawn from each random initial state."""
+    states_per_start: int = 3000
+    """About how many states are explored from each random initial state."""
+    template_share: float = 0.5
+    """Share of records from templates, evenly over them; the rest are random problems."""
+    state_goal_share: float = 0.5
+    """Share of random problems whose goal is the whole final state; templates give both kinds unless it is 0 or 1."""
+    paper_share: float = 0.0
+    """Share of records in the report's style, without types."""
+    words_share: float = 0.5
+    """Share of typed records with drawn words for actions and their legend."""
+    shuffled_share: float = 0.0
+    """Share of records whose goal and initial atoms are in random order."""
+    made_up_share: float = 0.3
+    """Share of objects with made-up names."""
+    unseen_shapes_share: float = 0.1
+    """Share of problems held out for the suite `unseen-shapes`."""
+    held_out_templates: tuple[str, ...] = ("take-out",)
+    """Templates held out for the suite `unseen-template`."""
+    more_objects: int = 4
+    """How many objects more than any trained problem the suite `more-objects` has."""
+    longer_steps: tuple[int, ...] = (8, 12)
+    """Least and most steps of the shortest plans in the suite `longer`."""
+    negatives: dict[str, float] = field(default_factory=lambda: dict.fromkeys(NEGATIVES, 1.0))
+    """Weight of each kind of negative."""
+    format: Literal["parquet", "jsonl"] = "parquet"
+    """How records are written."""
+    shard_records: int = 8192
+    """Records of one file."""
 
     def __post_init__(self) -> None:
         check(self.pairs > 0, "`data.pairs` must be positive")
         check(self.max_steps > 0, "`data.max_steps` must be positive")
+        check(self.shard_records > 0, "`data.shard_records` must be positive")
+        check(len(self.longer_steps) == 2, "`data.longer_steps` are two numbers")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -6,11 +6,18 @@ use crate::random::Random;
 pub(super) trait Choices {
     /// A number below `count`, which is positive.
     fn choose(&mut self, count: usize) -> usize;
+
+    /// Whether a multiset is to be listed once, its members ascending, rather than drawn member by member.
+    fn lists_multisets(&self) -> bool;
 }
 
 impl Choices for Random {
     fn choose(&mut self, count: usize) -> usize {
         self.below(count)
+    }
+
+    fn lists_multisets(&self) -> bool {
+        false
     }
 }
 
@@ -47,6 +54,10 @@ impl Choices for Odometer {
         }
         self.asked += 1;
         self.digits[self.asked - 1].0
+    }
+
+    fn lists_multisets(&self) -> bool {
+        true
     }
 }
 

@@ -62,8 +62,8 @@ impl<'t> Filling<'t> {
         let count = if template.kinds.is_empty() { 0 } else { least + choose_one(choices, most - least + 1) };
         let mut kind = 0;
         for _ in 0..count {
-            // Kinds never descend: distractors are a multiset, and each is listed once.
-            kind += choose_one(choices, template.kinds.len() - kind);
+            let least = if choices.lists_multisets() { kind } else { 0 };
+            kind = least + choose_one(choices, template.kinds.len() - least);
             self.add_distractor(&template.kinds[kind], choices);
         }
         self.finish()

@@ -1,0 +1,100 @@
+"""Makes a data set of prompts, plans and negatives, each label proven by the oracle.
+
+Run again on the same folder, it goes on where it stopped; the result has the same bytes for any number of jobs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import glob
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from strips_lm.cli.arguments import add_config, natural, positive, read_config
+
+if TYPE_CHECKING:
+    import argparse
+
+    from strips_lm.config import RunConfig
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Adds the command's arguments."""
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="the data set's folder")
+    parser.add_argument("--domain", metavar="NAME|DIR|FILE", help="a built-in domain, a folder like one, a PDDL file")
+    parser.add_argument(
+        "--problems", metavar="GLOB", action="append", default=[], help="problems to draw initial states from"
+    )
+    parser.add_argument("--pairs", metavar="N", type=positive, help="records of training and validation together")
+    parser.add_argument("--max-steps", metavar="T", type=positive, help="the longest plan (default 7)")
+    parser.add_argument("--seed", metavar="S", type=natural, help="seed of every draw (default 0)")
+    parser.add_argument("--format", choices=["parquet", "jsonl"], help="how records are written")
+    parser.add_argument("--jobs", metavar="N", type=natural, default=0, help="threads (default: one a core)")
+    add_config(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Writes the data set."""
+    from strips_lm.shards import write_data_set  # noqa: PLC0415  (pyarrow is for this command alone)
+    from strips_lm.sources import read_sources  # noqa: PLC0415
+
+    config = _config(args)
+    sources = read_sources(config.data.domain, config.data.problems)
+    progress = Progress()
+    wrote = write_data_set(args.out, config, sources, jobs=args.jobs, tick=progress.tick)
+    progress.finish(f"{args.out}: {'written' if wrote else 'is finished already'}")
+    return 0
+
+
+def _config(args: argparse.Namespace) -> RunConfig:
+    """The configuration, with the arguments that have a field of their own put on top."""
+    config = read_config(args)
+    given = {name: getattr(args, name) for name in ("domain", "pairs", "max_steps", "format")}
+    if args.problems:
+        given["problems"] = tuple(sorted(path for pattern in args.problems for path in glob.glob(pattern)))  # noqa: PTH207
+    data = dataclasses.replace(config.data, **{name: value for name, value in given.items() if value is not None})
+    seed = config.seed if args.seed is None else args.seed
+    return dataclasses.replace(config, seed=seed, data=_fitting(data.domain, data))
+
+
+def _fitting(domain: str, data: object) -> object:
+    """Leaves out held-out templates of the default domain where another is asked for."""
+    from strips_lm.config import DataConfig  # noqa: PLC0415
+
+    assert isinstance(data, DataConfig)
+    default = DataConfig()
+    if domain != default.domain and data.held_out_templates == default.held_out_templates:
+        return dataclasses.replace(data, held_out_templates=())
+    return data
+
+
+class Progress:
+    """A line on a terminal's stderr: records so far, rate, time left."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+        self._start = time.monotonic()
+
+    def tick(self, what: str, done: int, total: int) -> None:
+        """Shows that `done` of `total` are there."""
+        if what == "problems":
+            self._write("solving problems …")
+            self._start = time.monotonic()
+            return
+        seconds = max(time.monotonic() - self._start, 1e-3)
+        rate = done / seconds
+        left = (total - done) / rate if rate else 0.0
+        filled = 30 * done // max(total, 1)
+        self._write(f"[{'█' * filled}{'·' * (30 - filled)}] {done:,}/{total:,} records, {rate:,.0f}/s, {left:.0f} s left")
+
+    def finish(self, line: str) -> None:
+        """Replaces the bar by a last line."""
+        self._write("")
+        sys.stderr.write(f"{line}\n")
+
+    def _write(self, text: str) -> None:
+        if self._shown:
+            sys.stderr.write(f"\r\x1b[K{text}")
+            sys.stderr.flush()
