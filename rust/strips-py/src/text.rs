@@ -301,5 +301,5 @@ fn same_length(what: &str, length: usize, rows: usize) -> PyResult<()> {
 }
 
 fn indices(py: Python<'_>, values: Vec<usize>) -> Bound<'_, PyArray1<i64>> {
-    values.into_iter().map(|value| value as i64).collect::<Vec<_>>().into_pyarray(py)
+    values.into_iter().map(|value| value.cast_signed() as i64).collect::<Vec<_>>().into_pyarray(py)
 }
