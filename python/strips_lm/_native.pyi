@@ -18,6 +18,7 @@ __all__ = [
     "Judgement",
     "Legend",
     "LimitError",
+    "MaskedDecoder",
     "PddlError",
     "PlanIterator",
     "PlanSet",
@@ -473,3 +474,47 @@ class RecordStream:
         """
     def problems(self) -> dict[str, Any]:
         """The problems that the records refer to, as columns."""
+
+@final
+class MaskedDecoder:
+    """Says which tokens may come next if every step is to be executable; states are forced, not chosen.
+
+    A row follows one text after its prompt: `add` begins rows, `mask` says what may be chosen, `advance` takes the
+    choices and gives back what is forced after them (the whole next state, and whatever has no alternative), which
+    is to be fed to the model in one go. No operator that leads back to a state already visited is allowed.
+    """
+
+    def __new__(
+        cls, codec: CanonicalCodec, vocabulary: Sequence[str], *, stop_at_goal: bool = True
+    ) -> MaskedDecoder:
+        """A decoder without rows; `vocabulary` are the model's tokens by id.
+
+        With `stop_at_goal` the end is the only token where the goal holds; else a plan may also go on there.
+        """
+    def add(
+        self, tasks: Sequence[Task], legends: Sequence[Legend], names: Sequence[Sequence[str]] | None = None
+    ) -> tuple[int, list[list[int]]]:
+        """Begins a row for each task and the legend of its prompt; the first row's number, and the tokens forced in each.
+
+        `names` are the prompt's names of the task's objects where they are not the problem's own.
+
+        Raises:
+            ValueError: the vocabulary lacks a word that the task needs.
+        """
+    def advance(self, rows: Sequence[int], tokens: Sequence[int]) -> list[list[int]]:
+        """Tells each of `rows` (none twice) the token chosen for it; the tokens forced after it.
+
+        Raises:
+            ValueError: a row does not allow its token, or there is no such row.
+        """
+    def mask(self, rows: Sequence[int]) -> NDArray[np.bool_]:
+        """Which tokens may come next: flags (rows, vocabulary). A row without any is stuck or has ended."""
+    def status(self, rows: Sequence[int]) -> list[Literal["ended", "stuck", "open"]]:
+        """Of each row whether it has ended (its plan is valid), is stuck (nothing may come) or is open."""
+    def plan(self, row: int) -> list[str]:
+        """The operators of a row so far, such as `(pick cup)`."""
+    def fork(self, row: int) -> int:
+        """A new row that goes on from where `row` is; its number."""
+    def remove(self, rows: Sequence[int]) -> None:
+        """Forgets rows; their numbers are not given again."""
+    def __len__(self) -> int: ...

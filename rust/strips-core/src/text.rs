@@ -13,6 +13,7 @@
 //! and whether a plan works are others' questions. Parsing is total: it never fails on what a model writes, but says
 //! how far the text made sense. Price: one pass over the bytes each way, a vector for each atom when parsing.
 
+pub mod automaton;
 pub mod canonical;
 mod completion;
 mod goal;

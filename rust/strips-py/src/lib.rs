@@ -4,6 +4,7 @@
 
 #![allow(clippy::needless_pass_by_value, reason = "the interpreter hands arguments over by value")]
 
+mod automaton;
 mod error;
 mod interrupt;
 mod operators;
@@ -22,6 +23,8 @@ mod _native {
     use pyo3::prelude::*;
     use strips_core::validate::Outcome;
 
+    #[pymodule_export]
+    use crate::automaton::MaskedDecoder;
     #[pymodule_export]
     use crate::error::{DataError, LimitError, PddlError};
     #[pymodule_export]

@@ -45,7 +45,10 @@ pub use signature::{PredicateSignature, Signature};
 pub use vocabulary::{Vocabulary, Word};
 
 use crate::pddl::ast::Domain;
+pub(crate) use packed::Packed;
+pub(crate) use segments::Marker;
 use signature::Tables;
+pub(crate) use vocabulary::Sign;
 
 /// How much the rewriting takes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,10 +4,10 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Packed(u128);
 
-/// The most arguments that an atom can have in canonical words; with more, its segment is `<raw>`.
-pub(crate) const MAX_ARITY: usize = 7;
-
 impl Packed {
+    /// The most arguments that an atom can have in canonical words; with more, its segment is `<raw>`.
+    pub(crate) const MAX_ARITY: usize = 7;
+
     pub(crate) fn new(predicate: u16) -> Self {
         Self(u128::from(predicate) << 112)
     }

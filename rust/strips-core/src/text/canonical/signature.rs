@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
-use super::packed::MAX_ARITY;
+use super::packed::Packed;
 use super::vocabulary::{SIGNS, Sign, Vocabulary, Word, plain, signed};
 use crate::pddl::ast::{Atom, Domain, Effect};
 
@@ -96,12 +96,12 @@ impl Tables {
         let action_words: Vec<Word> = signature.actions.iter().map(|action| id(&plain(&action.0))).collect();
         let predicate_words: Vec<_> =
             signature.predicates.iter().map(|p| SIGNS.map(|(sign, _)| id(&signed(sign, &p.name)))).collect();
-        let is_small = |&(predicate, _): &(usize, _)| signature.predicates[predicate].arity <= MAX_ARITY;
+        let is_small = |&(predicate, _): &(usize, _)| signature.predicates[predicate].arity <= Packed::MAX_ARITY;
         let sign_of = |(predicate, words): (usize, &[Word; SIGNS.len()])| {
             SIGNS.map(|(sign, _)| (words[sign as usize], (sign, predicate as u16)))
         };
         let small = |(number, predicate): (usize, &PredicateSignature)| {
-            (predicate.arity <= MAX_ARITY).then(|| (predicate.name.clone(), number as u16))
+            (predicate.arity <= Packed::MAX_ARITY).then(|| (predicate.name.clone(), number as u16))
         };
         Self {
             types: signature.types.iter().map(|name| (name.clone(), id(&plain(name)))).collect(),

@@ -1,0 +1,274 @@
+//! Constrained decoding: which canonical words may come next if every step is to be executable.
+//!
+//! After the prompt come `<ACTION>`, the words of an operator that is applicable and leads to a state not yet visited,
+//! `<STATE>` and the words of the true next state, and so on; `<|endoftext|>` may come where the goal holds. A [`Walk`]
+//! follows one text. It is told the words that were chosen and answers with those that are forced after them (the whole
+//! state, and whatever has no alternative), so that a generator feeds these in one go and asks its model only where
+//! there is a choice.
+//!
+//! Knows words and the oracle, no model and no logits. Operators about an object that the prompt does not name cannot
+//! be said, and are left out. Price of a step: the applicable operators and their successors, once.
+
+mod batch;
+
+use std::sync::Arc;
+
+use rustc_hash::FxHashSet;
+
+pub use batch::{MaskError, MaskedDecoder};
+
+use super::canonical::{Codec, Layout, Legend, Marker, Packed, Sign, Word};
+use crate::search::SuccessorGenerator;
+use crate::task::{Fact, OperatorId, State, Task};
+
+/// How many words [`Walk::advance`] forces at once at most; where a task leaves no choice, a text may have no end.
+const MOST_FORCED: usize = 1024;
+
+/// A task, said in the words of one prompt.
+#[derive(Debug)]
+pub struct SpokenTask {
+    task: Arc<Task>,
+    generator: Arc<SuccessorGenerator>,
+    codec: Arc<Codec>,
+    domain: usize,
+    /// By operator: its action's word and its arguments' slots; empty where it cannot be said.
+    operators: Vec<Vec<Word>>,
+    /// By object.
+    slots: Vec<Option<u16>>,
+    /// By fact; `None` for derived facts and what cannot be said.
+    facts: Vec<Option<Packed>>,
+    stop_at_goal: bool,
+}
+
+/// A word that may not come where it came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("word {0} may not come here")]
+pub struct NotAllowed(pub Word);
+
+/// Where a [`Walk`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// Before `<ACTION>` or the end.
+    BetweenSteps,
+    /// After this many words of an operator.
+    InOperator(usize),
+    /// After the end.
+    Ended,
+}
+
+/// One text in the making.
+#[derive(Clone, Debug)]
+pub struct Walk {
+    spoken: Arc<SpokenTask>,
+    state: State,
+    visited: FxHashSet<State>,
+    plan: Vec<OperatorId>,
+    place: Place,
+    /// The operators that the words so far may become, with their successors.
+    candidates: Vec<(OperatorId, State)>,
+}
+
+impl SpokenTask {
+    /// The task in the words that `legend`, from encoding its prompt, gives. `names` are the prompt's names of the task's
+    /// objects where they are not the problem's own. With `stop_at_goal` the end is the only word where the goal holds.
+    pub fn new(
+        task: Arc<Task>,
+        generator: Arc<SuccessorGenerator>,
+        codec: Arc<Codec>,
+        legend: &Legend,
+        names: Option<&[String]>,
+        stop_at_goal: bool,
+    ) -> Self {
+        let own = |object: usize| &task.problem.objects[object].name;
+        let name = |object: usize| names.map_or_else(|| own(object), |names| &names[object]);
+        let slot = |object: usize| legend.names.iter().position(|known| known == name(object));
+        let objects = 0..task.problem.objects.len();
+        let slots = objects.map(|object| slot(object).and_then(|slot| u16::try_from(slot).ok())).collect();
+        let domain = legend.domain;
+        let mut spoken =
+            Self { operators: Vec::new(), slots, facts: Vec::new(), task, generator, codec, domain, stop_at_goal };
+        spoken.operators = (0..spoken.task.operators.len()).map(|number| spoken.say_operator(number)).collect();
+        spoken.facts = spoken.task.facts.iter().map(|fact| spoken.pack(fact)).collect();
+        spoken
+    }
+
+    /// The task.
+    pub fn task(&self) -> &Arc<Task> {
+        &self.task
+    }
+
+    fn say_operator(&self, number: usize) -> Vec<Word> {
+        let operator = &self.task.operators[number];
+        let first = self.codec.vocabulary().first_slot();
+        let action = self.codec.tables(self.domain).1.action_words[operator.action.index()];
+        let slots = operator.args.iter().map(|arg| self.slots[arg.index()].map(|slot| first + Word::from(slot)));
+        std::iter::once(Some(action)).chain(slots).collect::<Option<_>>().unwrap_or_default()
+    }
+
+    fn pack(&self, fact: &Fact) -> Option<Packed> {
+        if self.task.domain.predicates[fact.predicate.index()].derived || fact.args.len() > Packed::MAX_ARITY {
+            return None;
+        }
+        let mut packed = Packed::new(fact.predicate.0 as u16);
+        for (position, arg) in fact.args.iter().enumerate() {
+            packed = packed.with_arg(position, self.slots[arg.index()]?);
+        }
+        Some(packed)
+    }
+
+    /// Appends the words for `next` after `before`.
+    fn say_state(&self, before: &State, next: &State, words: &mut Vec<Word>) {
+        words.push(Marker::State as Word);
+        if self.codec.layout() == Layout::Report {
+            let atoms = self.task.atoms(next);
+            atoms.iter().filter_map(|atom| self.pack(atom)).for_each(|atom| self.say(Sign::Plain, atom, words));
+            return;
+        }
+        self.say_difference(Sign::Added, next, before, words);
+        self.say_difference(Sign::Removed, before, next, words);
+    }
+
+    /// Appends the facts that `some` has and `other` lacks.
+    fn say_difference(&self, sign: Sign, some: &State, other: &State, words: &mut Vec<Word>) {
+        let mut atoms = Vec::new();
+        for (number, (&a, &b)) in some.0.iter().zip(&other.0).enumerate() {
+            let mut bits = a & !b;
+            while bits != 0 {
+                atoms.extend(self.facts[number * 64 + bits.trailing_zeros() as usize]);
+                bits &= bits - 1;
+            }
+        }
+        atoms.sort_unstable();
+        atoms.into_iter().for_each(|atom| self.say(sign, atom, words));
+    }
+
+    fn say(&self, sign: Sign, atom: Packed, words: &mut Vec<Word>) {
+        let (signature, tables) = self.codec.tables(self.domain);
+        let first = self.codec.vocabulary().first_slot();
+        words.push(tables.predicate_word(sign, atom.predicate()));
+        let arity = signature.predicates[usize::from(atom.predicate())].arity;
+        words.extend((0..arity).map(|position| first + Word::from(atom.arg(position))));
+    }
+}
+
+impl Walk {
+    /// The walk that begins after the prompt, and the words that are forced there.
+    pub fn start(spoken: Arc<SpokenTask>) -> (Self, Vec<Word>) {
+        let state = spoken.task.init.clone();
+        let (visited, plan, candidates) = (FxHashSet::default(), Vec::new(), Vec::new());
+        let mut walk = Self { spoken, state: state.clone(), visited, plan, place: Place::BetweenSteps, candidates };
+        walk.enter(state);
+        let mut forced = Vec::new();
+        walk.force(&mut forced);
+        (walk, forced)
+    }
+
+    /// The task that is walked through.
+    pub fn task(&self) -> &Task {
+        &self.spoken.task
+    }
+
+    /// The operators so far.
+    pub fn plan(&self) -> &[OperatorId] {
+        &self.plan
+    }
+
+    /// Whether the end has come: the plan is valid.
+    pub fn has_ended(&self) -> bool {
+        self.place == Place::Ended
+    }
+
+    /// Whether nothing may come: the goal does not hold, and no operator leads to a state not yet visited.
+    pub fn is_stuck(&self) -> bool {
+        !self.has_ended() && self.options().is_empty()
+    }
+
+    /// The words that may come next, ascending.
+    pub fn options(&self) -> Vec<Word> {
+        let mut options = match self.place {
+            Place::Ended => Vec::new(),
+            Place::BetweenSteps => {
+                let end = self.goal_holds().then_some(Marker::End as Word);
+                let action = (!self.candidates.is_empty()).then_some(Marker::Action as Word);
+                end.into_iter().chain(action).collect()
+            }
+            Place::InOperator(said) => {
+                self.candidates.iter().map(|candidate| self.spoken.operators[candidate.0.index()][said]).collect()
+            }
+        };
+        options.sort_unstable();
+        options.dedup();
+        options
+    }
+
+    /// Takes a word, and gives back those that are forced after it, which are taken as well.
+    ///
+    /// # Errors
+    /// [`NotAllowed`] where the word is not among the [`Walk::options`]; the walk stays where it is.
+    pub fn advance(&mut self, word: Word) -> Result<Vec<Word>, NotAllowed> {
+        let mut forced = Vec::new();
+        self.take(word, &mut forced)?;
+        self.force(&mut forced);
+        Ok(forced)
+    }
+
+    /// Takes words as long as there is no choice.
+    fn force(&mut self, forced: &mut Vec<Word>) {
+        while forced.len() < MOST_FORCED {
+            let [only] = self.options()[..] else { return };
+            forced.push(only);
+            self.take(only, forced).expect("an option may be taken");
+        }
+    }
+
+    /// Takes one word; where it completes an operator, the words of the next state are appended.
+    fn take(&mut self, word: Word, forced: &mut Vec<Word>) -> Result<(), NotAllowed> {
+        if self.options().binary_search(&word).is_err() {
+            return Err(NotAllowed(word));
+        }
+        match self.place {
+            Place::InOperator(said) => self.take_in_operator(word, said, forced),
+            _ if word == Marker::End as Word => self.place = Place::Ended,
+            _ => self.place = Place::InOperator(0),
+        }
+        Ok(())
+    }
+
+    fn take_in_operator(&mut self, word: Word, said: usize, forced: &mut Vec<Word>) {
+        let operators = &self.spoken.operators;
+        self.candidates.retain(|candidate| operators[candidate.0.index()][said] == word);
+        self.place = Place::InOperator(said + 1);
+        if operators[self.candidates[0].0.index()].len() == said + 1 {
+            let (operator, next) = self.candidates.swap_remove(0);
+            self.spoken.say_state(&self.state, &next, forced);
+            self.plan.push(operator);
+            self.enter(next);
+        }
+    }
+
+    /// Comes to a state: finds the operators that may follow.
+    fn enter(&mut self, state: State) {
+        self.visited.insert(state.clone());
+        self.state = state;
+        self.place = Place::BetweenSteps;
+        self.candidates.clear();
+        if !(self.spoken.stop_at_goal && self.goal_holds()) {
+            self.candidates = self.fresh_successors();
+        }
+    }
+
+    fn fresh_successors(&self) -> Vec<(OperatorId, State)> {
+        let (spoken, generator) = (&self.spoken, &self.spoken.generator);
+        let sayable = generator.applicable(&self.state).into_iter();
+        let sayable = sayable.filter(|operator| !spoken.operators[operator.index()].is_empty());
+        let successors = sayable.map(|operator| (operator, generator.successor(&self.state, operator)));
+        successors.filter(|successor| !self.visited.contains(&successor.1)).collect()
+    }
+
+    fn goal_holds(&self) -> bool {
+        self.spoken.task.goal.holds(&self.state)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,230 @@
+//! What the automaton allows is what can be executed, and all of it that visits no state twice.
+
+use std::collections::BTreeSet;
+
+use super::*;
+use crate::pddl::{Source, parse_domain, parse_problem};
+use crate::random::Random;
+use crate::search::{PlanSet, Semantics};
+use crate::task::ground;
+use crate::task::limits::Limits;
+use crate::text::canonical::Hints;
+use crate::text::{Goal, Naming, Style, goal_literals, parse_completion, render_completion, render_prompt};
+use crate::validate::validate_operators;
+
+/// A robot, rooms, and lamps that all go out when the fuse blows; some effects are conditional.
+const DOMAIN: &str = "(define (domain lamps) (:requirements :typing :conditional-effects :negative-preconditions)
+    (:types room lamp) (:constants hall - room)
+    (:predicates (robot ?r - room) (door ?a ?b - room) (hangs ?l - lamp ?r - room) (lit ?l - lamp) (blown))
+    (:action go :parameters (?a ?b - room) :precondition (and (robot ?a) (door ?a ?b))
+        :effect (and (robot ?b) (not (robot ?a))))
+    (:action light :parameters (?l - lamp ?r - room) :precondition (and (robot ?r) (hangs ?l ?r) (not (blown)))
+        :effect (lit ?l))
+    (:action overload :parameters () :precondition (not (blown))
+        :effect (and (blown) (forall (?l - lamp) (when (lit ?l) (not (lit ?l))))))
+    (:action mend :parameters () :precondition (and (robot hall) (blown)) :effect (not (blown))))";
+
+const PROBLEM: &str = "(define (problem two) (:domain lamps) (:objects attic - room red blue - lamp)
+    (:init (robot hall) (door hall attic) (door attic hall) (hangs red attic) (hangs blue hall) (lit red))
+    (:goal (and (lit blue) (not (lit red)) (robot attic))))";
+
+fn lamps() -> Arc<Task> {
+    let domain = Arc::new(parse_domain(&Source::new("domain", DOMAIN)).unwrap());
+    let problem = parse_problem(&Source::new("problem", PROBLEM), &domain, None).unwrap();
+    Arc::new(ground(domain, Arc::new(problem), &Limits::default()).unwrap())
+}
+
+const WORDS: [&str; 4] = ["walk", "kindle", "overload", "repair"];
+
+/// A task, the codec and the rest that a walk needs.
+struct Scene {
+    task: Arc<Task>,
+    codec: Arc<Codec>,
+    names: Vec<String>,
+    prompt: String,
+    legend: Legend,
+    spoken: Arc<SpokenTask>,
+}
+
+impl Scene {
+    fn new(layout: Layout, stop_at_goal: bool) -> Self {
+        let task = lamps();
+        let codec = Arc::new(Codec::new(&[(&task.domain, vec![])], layout));
+        let names: Vec<String> = ["hall", "loft", "ruby", "azure"].map(str::to_owned).to_vec();
+        let mut scene = Self {
+            spoken: Arc::new(SpokenTask::new(
+                task.clone(),
+                Arc::new(SuccessorGenerator::new(&task)),
+                codec.clone(),
+                &Legend::default(),
+                None,
+                stop_at_goal,
+            )),
+            prompt: String::new(),
+            legend: Legend::default(),
+            task,
+            codec,
+            names,
+        };
+        scene.speak(stop_at_goal);
+        scene
+    }
+
+    fn naming(&self) -> Naming<'_, String> {
+        Naming { domain: &self.task.domain, objects: &self.task.problem.objects, names: Some(&self.names), words: None }
+    }
+
+    fn speak(&mut self, stop_at_goal: bool) {
+        let goal = goal_literals(&self.task.domain, &self.task.problem).unwrap();
+        let mut prompt = String::new();
+        let words: Vec<String> = WORDS.map(str::to_owned).to_vec();
+        let naming = Naming { words: Some(&words[..]), ..self.naming() };
+        let init = self.task.atoms(&self.task.init);
+        render_prompt(&naming, Style::Typed, Goal::Problem(&goal), &init, &mut prompt);
+        self.legend = self.codec.encode(&prompt, &Hints::default()).1;
+        let generator = Arc::new(SuccessorGenerator::new(&self.task));
+        let (task, codec) = (self.task.clone(), self.codec.clone());
+        let spoken = SpokenTask::new(task, generator, codec, &self.legend, Some(&self.names), stop_at_goal);
+        self.spoken = Arc::new(spoken);
+        self.prompt = prompt;
+    }
+
+    /// The states that a plan visits, the first one included.
+    fn states(&self, plan: &[OperatorId]) -> Vec<State> {
+        let mut states = vec![self.task.init.clone()];
+        for operator in plan {
+            let next = self.task.apply(&self.task.operators[operator.index()], states.last().unwrap());
+            states.push(next);
+        }
+        states
+    }
+
+    /// The text of a plan after the prompt, with the prompt's words.
+    fn completion(&self, plan: &[OperatorId]) -> String {
+        let words: Vec<String> = WORDS.map(str::to_owned).to_vec();
+        let naming = Naming { words: Some(&words[..]), ..self.naming() };
+        let atoms: Vec<_> = self.states(plan)[1..].iter().map(|state| self.task.atoms(state)).collect();
+        let operators = plan.iter().map(|operator| &self.task.operators[operator.index()]);
+        let steps = operators.zip(&atoms).map(|(operator, state)| (operator.action, &operator.args[..], &state[..]));
+        let mut text = String::new();
+        render_completion(&naming, steps, &mut text);
+        text
+    }
+
+    /// The canonical words of a plan's completion.
+    fn words(&self, plan: &[OperatorId]) -> Vec<Word> {
+        let mut words = Vec::new();
+        self.codec.encode_into(&format!("{} {}", self.prompt, self.completion(plan)), &Hints::default(), &mut words);
+        let prompt = words.iter().position(|&word| word == Marker::Action as Word || word == Marker::End as Word);
+        words.split_off(prompt.unwrap())
+    }
+}
+
+/// Follows `words` through the automaton; whether it allows them all, forces nothing else, and has ended.
+fn allows(scene: &Scene, words: &[Word]) -> bool {
+    let (mut walk, mut forced) = Walk::start(scene.spoken.clone());
+    let mut rest = words;
+    loop {
+        let Some(left) = rest.strip_prefix(&forced[..]) else { return false };
+        let Some((&word, left)) = left.split_first() else { return walk.has_ended() };
+        let Ok(more) = walk.advance(word) else { return false };
+        (rest, forced) = (left, more);
+    }
+}
+
+/// Whether the plan visits no state twice.
+fn is_simple(scene: &Scene, plan: &[OperatorId]) -> bool {
+    let states = scene.states(plan);
+    states.iter().collect::<FxHashSet<_>>().len() == states.len()
+}
+
+#[test]
+fn every_plan_that_visits_no_state_twice_is_allowed_and_no_other() {
+    for layout in [Layout::Difference, Layout::Report] {
+        for (semantics, stop_at_goal) in [(Semantics::Any, false), (Semantics::FirstGoal, true)] {
+            let scene = Scene::new(layout, stop_at_goal);
+            let plans = PlanSet::new(scene.task.clone(), 7, semantics, &Limits::default()).unwrap();
+            let verdicts: Vec<_> =
+                plans.iter().map(|plan| (is_simple(&scene, &plan.0), allows(&scene, &scene.words(&plan.0)))).collect();
+            assert!(verdicts.iter().all(|(simple, allowed)| simple == allowed));
+            assert!(verdicts.iter().any(|verdict| verdict.0) && verdicts.iter().any(|verdict| !verdict.0));
+        }
+    }
+}
+
+#[test]
+fn whatever_is_chosen_the_text_is_an_executable_plan_with_the_true_states() {
+    let scene = Scene::new(Layout::Difference, false);
+    let (mut random, mut ended) = (Random::new(1, 0), BTreeSet::new());
+    for _ in 0..300 {
+        let (mut walk, mut words) = Walk::start(scene.spoken.clone());
+        while !walk.has_ended() && !walk.is_stuck() {
+            let word = *random.choice(&walk.options());
+            words.push(word);
+            words.extend(walk.advance(word).unwrap());
+        }
+        let mut prompt = Vec::new();
+        scene.codec.encode_into(&scene.prompt, &Hints::default(), &mut prompt);
+        let text = scene.codec.decode_completion(&prompt, &words, &scene.legend);
+        let whole = scene.completion(walk.plan());
+        assert!(whole.starts_with(&text), "{text}\n{whole}");
+        assert_eq!((parse_completion(&text).malformed, parse_completion(&text).finished), (None, walk.has_ended()));
+        assert_eq!(validate_operators(&scene.task, walk.plan()).is_valid(), walk.has_ended());
+        ended.insert(walk.has_ended());
+    }
+    assert_eq!(ended.len(), 2, "some walks end and some are stuck");
+}
+
+#[test]
+fn a_word_that_is_not_allowed_is_refused_and_changes_nothing() {
+    let scene = Scene::new(Layout::Difference, true);
+    let (mut walk, forced) = Walk::start(scene.spoken.clone());
+    assert_eq!(forced, [Marker::Action as Word], "the goal does not hold at the start");
+    let options = walk.options();
+    assert_eq!(walk.advance(Marker::End as Word), Err(NotAllowed(Marker::End as Word)));
+    assert_eq!(walk.options(), options);
+    let said: Vec<_> = options.iter().map(|&word| scene.codec.vocabulary().join(&[word])).collect();
+    assert_eq!(said, ["go", "light", "overload"]);
+}
+
+#[test]
+fn operators_about_objects_without_a_name_are_left_out() {
+    let scene = Scene::new(Layout::Difference, true);
+    let mut legend = scene.legend.clone();
+    legend.names[2].clear();
+    let generator = scene.spoken.generator.clone();
+    let spoken = SpokenTask::new(scene.task.clone(), generator, scene.codec.clone(), &legend, Some(&scene.names), true);
+    let unsaid = spoken.operators.iter().filter(|words| words.is_empty()).count();
+    let about_it = scene.task.operators.iter().filter(|operator| operator.args.iter().any(|arg| arg.0 == 2)).count();
+    assert!(unsaid == about_it && unsaid > 0);
+}
+
+#[test]
+fn rows_in_a_models_own_tokens_move_together() {
+    let scene = Scene::new(Layout::Difference, true);
+    let mut vocabulary = scene.codec.vocabulary().with_slots(4);
+    vocabulary.reverse();
+    vocabulary.push("<|padding|>".to_owned());
+    let token = |word: &str| vocabulary.iter().position(|known| known == word).unwrap() as u32;
+    let mut decoder = MaskedDecoder::new(&scene.codec, &vocabulary);
+    let forced = decoder.add(vec![scene.spoken.clone(), scene.spoken.clone()]).unwrap();
+    assert_eq!(forced, [[token("<ACTION>")], [token("<ACTION>")]]);
+    let forced = decoder.advance(&[1, 0], &[token("light"), token("overload")]).unwrap();
+    let said =
+        |tokens: &[u32]| tokens.iter().map(|&token| &vocabulary[token as usize][..]).collect::<Vec<_>>().join(" ");
+    assert_eq!(said(&forced[0]), "o3 o0 <STATE> +lit o3 <ACTION>");
+    assert_eq!(said(&forced[1]), "<STATE> +blown -lit o2 <ACTION>");
+    let mut flags = vec![true; 2 * vocabulary.len()];
+    decoder.mask(&[0, 1], &mut flags).unwrap();
+    let allowed = |row: usize| {
+        let flags = &flags[row * vocabulary.len()..][..vocabulary.len()];
+        (0..vocabulary.len()).filter(|&token| flags[token]).map(|token| &vocabulary[token][..]).collect::<BTreeSet<_>>()
+    };
+    assert_eq!((allowed(0), allowed(1)), (BTreeSet::from(["go", "mend"]), BTreeSet::from(["go", "overload"])));
+    let copy = decoder.fork(0).unwrap();
+    let end = token("<|endoftext|>");
+    assert_eq!(decoder.advance(&[copy], &[end]), Err(MaskError::NotAllowed { row: copy, token: end }));
+    decoder.remove(&[0]);
+    assert_eq!(decoder.advance(&[1, 0], &[0, 0]), Err(MaskError::NoRow { row: 0 }));
+    assert_eq!(decoder.walk(1).unwrap().plan().len(), 1);
+}
