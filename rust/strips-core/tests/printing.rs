@@ -95,3 +95,25 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn nesting_up_to_the_cap_is_handled_on_an_ordinary_stack() {
+    let depth = 250;
+    let condition = format!("{}(p){}", "(not ".repeat(depth), ")".repeat(depth));
+    let effect = format!("{}(p){}", "(when (p) ".repeat(depth), ")".repeat(depth));
+    let text = format!("(define (domain d) (:predicates (p)) (:action a :precondition {condition} :effect {effect}))");
+    let domain = parse_domain(&Source::new("deep", text)).unwrap_or_else(|error| panic!("{error}"));
+    let again = parse_domain(&Source::new("again", print_domain(&domain))).expect("it was just printed");
+    assert_eq!(domain, again);
+}
+
+#[test]
+fn a_long_chain_of_types_is_no_deep_recursion() {
+    let chain: String = (1..20_000).map(|n| format!("t{n} - t{} ", n - 1)).collect();
+    let text = format!(
+        "(define (domain d) (:types t0 {chain}) (:constants c - t19999) (:predicates (p ?x - t0) (q ?x - t19999))
+         (:action a :precondition (p c) :effect (q c)))"
+    );
+    let domain = parse_domain(&Source::new("chain", text)).unwrap_or_else(|error| panic!("{error}"));
+    assert!(domain.is_subtype(domain.type_id("t19999").expect("declared"), domain.type_id("t0").expect("declared")));
+}
