@@ -1,6 +1,8 @@
 //! A problem's sections, read against its domain.
 
-use rustc_hash::FxHashSet;
+use std::hash::BuildHasher;
+
+use rustc_hash::{FxBuildHasher, FxHashSet};
 
 use super::super::ast::{
     Domain, GroundAtom, Object, ObjectId, PendingObject, PredicateId, Problem, Term, TypeId, Warning,
@@ -142,7 +144,10 @@ type Costs = Vec<(usize, Vec<ObjectId>, f64)>;
 #[derive(Default)]
 struct Init {
     atoms: Vec<GroundAtom>,
-    seen: FxHashSet<GroundAtom>,
+    /// Hashes of the atoms so far.
+    hashes: FxHashSet<u64>,
+    /// The atoms so far, once two hashes were the same: without duplicates, as is usual, no atom is copied.
+    seen: Option<FxHashSet<GroundAtom>>,
     costs: Costs,
 }
 
@@ -164,10 +169,19 @@ impl Init {
 
     fn atom<'a>(&mut self, names: &mut Names<'a>, item: Item<'a>) -> Result<(), Fault> {
         let atom = ground_atom(names, item)?;
-        if self.seen.insert(atom.clone()) {
+        if self.is_new(&atom) {
             self.atoms.push(atom);
         }
         Ok(())
+    }
+
+    fn is_new(&mut self, atom: &GroundAtom) -> bool {
+        let unknown_hash = self.hashes.insert(FxBuildHasher.hash_one(atom));
+        if unknown_hash && self.seen.is_none() {
+            return true;
+        }
+        let seen = self.seen.get_or_insert_with(|| self.atoms.iter().cloned().collect());
+        seen.insert(atom.clone())
     }
 
     /// `(= (f a …) number)`.
@@ -181,7 +195,7 @@ impl Init {
             return number(value).map(|_| ());
         }
         let (id, terms) = names.application(function, &Vec::new())?;
-        self.costs.push((id, objects(&terms), number(value)?));
+        self.costs.push((id, objects(terms), number(value)?));
         Ok(())
     }
 }
@@ -192,15 +206,15 @@ fn ground_atom<'a>(names: &mut Names<'a>, item: Item<'a>) -> Result<GroundAtom, 
     if predicate.derived {
         return Err(Fault::new(PddlErrorKind::DerivedSet { name: predicate.name.clone() }, item.span()));
     }
-    Ok(GroundAtom { predicate: atom.predicate, args: objects(&atom.terms) })
+    Ok(GroundAtom { predicate: atom.predicate, args: objects(atom.terms) })
 }
 
-fn objects(terms: &[Term]) -> Vec<ObjectId> {
-    let object = |term: &Term| match term {
-        Term::Object(id) => Some(*id),
+fn objects(terms: Vec<Term>) -> Vec<ObjectId> {
+    let object = |term| match term {
+        Term::Object(id) => Some(id),
         Term::Variable(_) => None, // no variable is in scope here, so none was resolved
     };
-    terms.iter().filter_map(object).collect()
+    terms.into_iter().filter_map(object).collect()
 }
 
 /// `(not (p a))` says what is so anyway: what is not listed is false.
