@@ -1,13 +1,18 @@
 //! Which of the reached atoms can change, and their numbers.
 
+use std::sync::atomic::AtomicUsize;
+
 use super::lifted::{Lifted, LiftedAction};
 use super::limits::{LimitError, Watch};
 use super::normal::{LiftedEffect, Pattern};
 use super::reach::with_tuple;
 use super::relation::{Relation, TupleSet};
-use super::simplify::{Simplifier, Status};
+use super::simplify::{Frame, Simplifier, Status};
 use super::{Fact, FactId};
 use crate::pddl::ast::{Domain, ObjectId, PredicateId};
+
+/// The limits, and the bytes held so far.
+type Budget<'a> = (&'a Watch, &'a AtomicUsize);
 
 /// What is known about every reached atom.
 pub(super) struct Facts {
@@ -31,7 +36,7 @@ impl Facts {
         lifted: &Lifted,
         relations: &[Relation],
         initial: &[usize],
-        watch: &Watch,
+        budget: Budget,
     ) -> Result<Self, LimitError> {
         let held = |predicate: usize, row: usize| if row < initial[predicate] { Status::True } else { UNNUMBERED };
         let rows = |predicate: usize| (0..relations[predicate].tuples.len()).map(move |row| (predicate, row));
@@ -44,7 +49,7 @@ impl Facts {
         }
         facts.number(relations);
         if !lifted.axioms.is_empty() {
-            facts.settle_derived(lifted, relations, watch)?;
+            facts.settle_derived(lifted, relations, budget)?;
             facts.number(relations);
         }
         Ok(facts)
@@ -87,9 +92,9 @@ impl Facts {
     }
 
     /// Finds derived atoms that hold in every state or in none, stratum by stratum.
-    fn settle_derived(&mut self, lifted: &Lifted, relations: &[Relation], watch: &Watch) -> Result<(), LimitError> {
+    fn settle_derived(&mut self, lifted: &Lifted, relations: &[Relation], budget: Budget) -> Result<(), LimitError> {
         for stratum in 0..=lifted.strata.iter().copied().max().unwrap_or(0) {
-            while self.settle_stratum(lifted, relations, stratum, watch)? {}
+            while self.settle_stratum(lifted, relations, stratum, budget)? {}
         }
         Ok(())
     }
@@ -100,16 +105,17 @@ impl Facts {
         lifted: &Lifted,
         relations: &[Relation],
         stratum: usize,
-        watch: &Watch,
+        budget: Budget,
     ) -> Result<bool, LimitError> {
         let mut supported: Vec<Vec<bool>> = self.status.iter().map(|rows| vec![false; rows.len()]).collect();
         let mut is_changed = false;
         for axiom in lifted.axioms.iter().filter(|axiom| lifted.strata[axiom.head.relation] == stratum) {
             let predicate = axiom.head.relation;
+            let (watch, bytes) = budget;
             for binding in rows_of(&relations[axiom.relation].tuples) {
                 let Some(row) = relations[predicate].tuples.find(binding) else { continue };
-                let simplifier = Simplifier { relations, status: &self.status, watch };
-                let body = simplifier.conjunction(&axiom.condition, &mut binding.to_vec())?;
+                let simplifier = Simplifier { relations, status: &self.status, watch, bytes };
+                let body = simplifier.conjunction(&axiom.condition, &mut Frame::new(binding))?;
                 supported[predicate][row] |= body.is_some();
                 let holds = body.is_some_and(|body| body.is_empty());
                 if holds && self.status[predicate][row] != Status::True {

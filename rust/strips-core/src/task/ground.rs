@@ -20,7 +20,7 @@ use super::limits::{LimitError, Limits, Watch};
 use super::normal::{LiftedEffect, Pattern};
 use super::reach::{Kind, Reach};
 use super::relation::{Relation, TupleSet};
-use super::simplify::{Simplifier, Status};
+use super::simplify::{Frame, Simplifier, Status};
 use super::{AxiomLayers, FactId, Formula, GroundCondition, GroundEffect, Operator, State, Task};
 use crate::pddl::ast::{ActionId, Domain, ObjectId, Problem};
 
@@ -37,13 +37,13 @@ pub fn ground(domain: Arc<Domain>, problem: Arc<Problem>, limits: &Limits) -> Re
     let start = start(&domain, &problem);
     let reach = reach(&mut lifted, &start, &watch)?;
     let initial = initial_rows(&start, domain.predicates.len());
-    let facts = Facts::new(&domain, &lifted, &reach.relations, &initial, &watch)?;
+    let bytes = AtomicUsize::new(reach.bytes());
+    let facts = Facts::new(&domain, &lifted, &reach.relations, &initial, (&watch, &bytes))?;
     let grounder = Grounder {
         lifted: &lifted,
         relations: &reach.relations,
-        simplifier: Simplifier { relations: &reach.relations, status: &facts.status, watch: &watch },
+        simplifier: Simplifier { relations: &reach.relations, status: &facts.status, watch: &watch, bytes: &bytes },
         costs: Costs::new(&domain, &problem),
-        bytes: AtomicUsize::new(reach.bytes()),
         watch: &watch,
     };
     let operators = grounder.operators()?;
@@ -89,7 +89,6 @@ struct Grounder<'a> {
     relations: &'a [Relation],
     simplifier: Simplifier<'a>,
     costs: Costs<'a>,
-    bytes: AtomicUsize,
     watch: &'a Watch,
 }
 
@@ -115,11 +114,12 @@ impl Grounder<'_> {
             .collect();
         let chunk = |rows: &[u32]| -> Result<Vec<Operator>, LimitError> {
             self.watch.check()?;
-            let ground = |&row: &u32| self.operator(number, action, table.row(row as usize), &effects).transpose();
-            let chunk: Vec<Operator> = rows.iter().filter_map(ground).collect::<Result<_, _>>()?;
-            let bytes: usize = chunk.iter().map(bytes_of).sum();
-            self.watch.bytes(self.bytes.fetch_add(bytes, Ordering::Relaxed) + bytes)?;
-            Ok(chunk)
+            let ground = |&row: &u32| {
+                let operator = self.operator(number, action, table.row(row as usize), &effects)?;
+                self.hold(operator.as_ref().map_or(0, bytes_of))?;
+                Ok(operator)
+            };
+            rows.iter().filter_map(|row| ground(row).transpose()).collect()
         };
         let chunks: Vec<Vec<Operator>> = if rows.len() > CHUNK {
             rows.par_chunks(CHUNK).map(chunk).collect::<Result<_, _>>()?
@@ -127,6 +127,11 @@ impl Grounder<'_> {
             vec![chunk(&rows)?]
         };
         Ok(chunks.into_iter().flatten().collect())
+    }
+
+    /// Counts bytes of the task.
+    fn hold(&self, bytes: usize) -> Result<(), LimitError> {
+        self.watch.bytes(self.simplifier.bytes.fetch_add(bytes, Ordering::Relaxed) + bytes)
     }
 
     /// The operator with these arguments, unless its precondition is never true.
@@ -137,8 +142,7 @@ impl Grounder<'_> {
         args: &[u32],
         conditional: &[(&LiftedEffect, &TupleSet, Vec<u32>)],
     ) -> Result<Option<Operator>, LimitError> {
-        let mut binding = args.to_vec();
-        let Some(precondition) = self.simplifier.conjunction(&action.precondition, &mut binding)? else {
+        let Some(precondition) = self.simplifier.conjunction(&action.precondition, &mut Frame::new(args))? else {
             return Ok(None);
         };
         let mut always = GroundEffect::default();
@@ -170,7 +174,7 @@ impl Grounder<'_> {
         always: &mut GroundEffect,
         effects: &mut Vec<GroundEffect>,
     ) -> Result<(), LimitError> {
-        let Some(condition) = self.simplifier.conjunction(&effect.condition, &mut row.to_vec())? else {
+        let Some(condition) = self.simplifier.conjunction(&effect.condition, &mut Frame::new(row))? else {
             return Ok(());
         };
         if condition.is_empty() {
@@ -197,7 +201,7 @@ impl Grounder<'_> {
     }
 
     fn goal(&self) -> Result<GroundCondition, LimitError> {
-        let goal = self.simplifier.conjunction(std::slice::from_ref(&self.lifted.goal), &mut Vec::new())?;
+        let goal = self.simplifier.conjunction(std::slice::from_ref(&self.lifted.goal), &mut Frame::new(&[]))?;
         let never = || GroundCondition { clauses: vec![Formula::Or(Vec::new())], ..GroundCondition::default() };
         Ok(goal.unwrap_or_else(never))
     }
@@ -213,7 +217,7 @@ impl Grounder<'_> {
             for row in sorted_rows(table) {
                 let binding = table.row(row as usize);
                 let Status::Fact(head) = self.simplifier.status(&axiom.head, binding) else { continue };
-                if let Some(body) = self.simplifier.conjunction(&axiom.condition, &mut binding.to_vec())? {
+                if let Some(body) = self.simplifier.conjunction(&axiom.condition, &mut Frame::new(binding))? {
                     layers[self.lifted.strata[axiom.head.relation]].extend(alternatives(head, body));
                 }
             }

@@ -48,6 +48,8 @@ pub(super) struct Plan {
     /// How the columns of the tuple that sets it off are matched.
     pub trigger: Vec<Column>,
     pub steps: Vec<Step>,
+    /// The relations of the other atoms: while one is empty, nothing can match.
+    pub needs: Vec<usize>,
 }
 
 /// Orders the atoms of a rule.
@@ -72,22 +74,23 @@ impl<'a> Planner<'a> {
     /// The plan for the rule with this number, set off by the atom at `trigger` or by nothing.
     pub fn plan(mut self, number: usize, trigger: Option<usize>) -> Plan {
         let mut atoms: Vec<usize> = (0..self.rule.body.len()).filter(|&atom| Some(atom) != trigger).collect();
+        let mut needs: Vec<usize> = atoms.iter().map(|&atom| self.rule.body[atom].relation).collect();
+        needs.sort_unstable();
+        needs.dedup();
         let columns = trigger.map(|atom| self.columns(&self.rule.body[atom], &[])).unwrap_or_default();
         self.bound.extend(trigger.iter().flat_map(|&atom| self.rule.body[atom].variables()));
         self.add_ready();
         while !atoms.is_empty() {
-            let cost = |&atom: &usize| self.expected_matches(&self.rule.body[atom]);
-            let costs: Vec<f64> = atoms.iter().map(cost).collect();
+            let costs: Vec<f64> = atoms.iter().map(|&atom| self.expected_matches(&self.rule.body[atom])).collect();
             let best = (0..atoms.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).expect("some atom is left");
             self.add_atom(atoms.remove(best), trigger);
         }
         self.add_enumerations();
-        Plan { rule: number, trigger: columns, steps: self.steps }
+        Plan { rule: number, trigger: columns, steps: self.steps, needs }
     }
 
     /// How many rows a join with the atom should find.
-    fn expected_matches(&self, atom: &Pattern) -> f64 {
-        let relation = &self.relations[atom.relation];
+    fn expected_matches(&mut self, atom: &Pattern) -> f64 {
         let is_bound = |slot: &Slot| slot.variable().is_none_or(|variable| self.bound.contains(&variable));
         if atom.slots.iter().all(is_bound) {
             return 0.0;
@@ -96,6 +99,7 @@ impl<'a> Planner<'a> {
             let open: Variables = atom.variables().filter(|variable| !self.bound.contains(variable)).collect();
             return open.iter().map(|&variable| self.rule.scope[variable].list.len() as f64).product();
         }
+        let relation = &mut self.relations[atom.relation];
         let bound = (0..atom.slots.len()).filter(|&column| is_bound(&atom.slots[column]));
         bound.fold(relation.tuples.len() as f64, |rows, column| rows / relation.distinct(column).max(1) as f64)
     }

@@ -37,6 +37,10 @@ pub(super) struct Reach {
     /// Instances (rule, binding) whose tests have not come true yet.
     pending: Vec<(usize, Box<[u32]>)>,
     counts: [usize; 3],
+    /// Room for the values of any rule's variables.
+    binding: Vec<u32>,
+    /// Room for a key.
+    scratch: Vec<u32>,
     steps: u32,
     watch: Watch,
 }
@@ -44,6 +48,7 @@ pub(super) struct Reach {
 impl Reach {
     /// Prepares a run from the tuples that hold at the start.
     pub fn new(program: Program, kinds: Vec<Kind>, start: &[(usize, Vec<u32>)], watch: Watch) -> Self {
+        let variables = program.rules.iter().map(|rule| rule.scope.len()).max().unwrap_or(0);
         let relations = program.arities.iter().map(|&arity| Relation::new(arity)).collect();
         let mut reach = Self {
             relations,
@@ -55,6 +60,8 @@ impl Reach {
             queue: Vec::new(),
             pending: Vec::new(),
             counts: [0; 3],
+            binding: vec![0; variables],
+            scratch: Vec::new(),
             steps: 0,
             watch,
         };
@@ -108,7 +115,7 @@ impl Reach {
     fn admit_fixed(&mut self) {
         for (relation, _) in self.relations.iter_mut().zip(&self.growing).filter(|(_, growing)| !**growing) {
             for _ in 0..relation.tuples.len() {
-                relation.admit(&mut Vec::new());
+                relation.admit(&mut self.scratch);
             }
         }
     }
@@ -128,7 +135,7 @@ impl Reach {
         for plan in plans.iter() {
             let rule = &self.rules[plan.rule];
             if !rule.body.iter().any(|atom| self.growing[atom.relation]) {
-                let mut binding = vec![0; rule.scope.len()];
+                let mut binding = self.binding.clone();
                 self.extend(plan, &plan.steps, &mut binding)?;
             }
         }
@@ -137,15 +144,17 @@ impl Reach {
 
     /// Lets the next row of the relation take part in joins, and joins it.
     fn arrive(&mut self, relation: usize) -> Result<(), LimitError> {
-        let row = self.relations[relation].admit(&mut Vec::new());
+        let row = self.relations[relation].admit(&mut self.scratch);
         let plans = Arc::clone(&self.plans);
+        let mut binding = std::mem::take(&mut self.binding);
         for nth in 0..self.triggers[relation].len() {
             let plan = &plans[self.triggers[relation][nth]];
-            let mut binding = vec![0; self.rules[plan.rule].scope.len()];
-            if self.matches(plan, relation, row, &plan.trigger, &mut binding) {
+            let is_ready = plan.needs.iter().all(|&relation| self.relations[relation].admitted > 0);
+            if is_ready && self.matches(plan, relation, row, &plan.trigger, &mut binding) {
                 self.extend(plan, &plan.steps, &mut binding)?;
             }
         }
+        self.binding = binding;
         Ok(())
     }
 
@@ -168,8 +177,8 @@ impl Reach {
         let Some((step, rest)) = steps.split_first() else { return self.finish(plan.rule, binding) };
         match step {
             Step::Join { relation, index, key, columns, age } => {
-                let key: Vec<u32> = key.iter().map(|slot| slot.value(binding)).collect();
-                let Some(group) = self.relations[*relation].group(*index, &key) else { return Ok(()) };
+                let find = |key: &[u32]| self.relations[*relation].group(*index, key);
+                let Some(group) = with_tuple(key, binding, find) else { return Ok(()) };
                 let end = self.end(*relation, *age);
                 let mut nth = 0;
                 while let Some(row) = self.relations[*relation].member(*index, group, nth).filter(|&row| row < end) {

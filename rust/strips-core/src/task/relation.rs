@@ -113,11 +113,13 @@ pub(super) struct Relation {
     /// How many rows the indexes hold.
     pub admitted: usize,
     indexes: Vec<Index>,
+    /// How many different values each column has, once somebody asked.
+    distinct: Vec<Option<usize>>,
 }
 
 impl Relation {
     pub fn new(arity: usize) -> Self {
-        Self { tuples: TupleSet::new(arity), admitted: 0, indexes: Vec::new() }
+        Self { tuples: TupleSet::new(arity), admitted: 0, indexes: Vec::new(), distinct: vec![None; arity] }
     }
 
     /// The index on these columns, made if need be. Only before the first row is admitted.
@@ -151,18 +153,21 @@ impl Relation {
         self.indexes[index].rows[group].get(nth).map(|&row| row as usize)
     }
 
-    /// How many different values the column has.
-    pub fn distinct(&self, column: usize) -> usize {
-        let mut values = TupleSet::new(1);
-        (0..self.tuples.len()).for_each(|row| {
-            values.insert(&[self.tuples.row(row)[column]]);
-        });
-        values.len()
+    /// How many different values the column had when first asked.
+    pub fn distinct(&mut self, column: usize) -> usize {
+        let tuples = &self.tuples;
+        *self.distinct[column].get_or_insert_with(|| {
+            let mut values = TupleSet::new(1);
+            (0..tuples.len()).for_each(|row| {
+                values.insert(&[tuples.row(row)[column]]);
+            });
+            values.len()
+        })
     }
 
     /// Bytes held, approximately.
     pub fn bytes(&self) -> usize {
-        let index = |index: &Index| index.keys.bytes() + index.rows.len() * 32 + self.admitted * 6;
+        let index = |index: &Index| index.keys.bytes() + index.rows.len() * 56 + self.admitted * 6;
         self.tuples.bytes() + self.indexes.iter().map(index).sum::<usize>()
     }
 }

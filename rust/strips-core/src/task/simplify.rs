@@ -1,5 +1,7 @@
 //! Lifted conditions under a binding, with everything that cannot change folded away.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use rustc_hash::FxHashMap;
 
 use super::limits::{LimitError, Watch};
@@ -19,6 +21,20 @@ pub(super) enum Status {
     Fact(FactId),
 }
 
+/// The values of the variables in scope, and how large the formula in the making is.
+pub(super) struct Frame {
+    binding: Vec<u32>,
+    parts: usize,
+    held: usize,
+}
+
+impl Frame {
+    /// A frame in which the first variables have these values.
+    pub fn new(binding: &[u32]) -> Self {
+        Self { binding: binding.to_vec(), parts: 0, held: 0 }
+    }
+}
+
 /// Grounds conditions against the atoms that were reached.
 pub(super) struct Simplifier<'a> {
     /// The predicates' tables.
@@ -27,7 +43,15 @@ pub(super) struct Simplifier<'a> {
     pub status: &'a [Vec<Status>],
     /// Ends overlong expansions.
     pub watch: &'a Watch,
+    /// Bytes that the tables and the task so far hold.
+    pub bytes: &'a AtomicUsize,
 }
+
+/// What a part of an expanded quantifier is taken to hold.
+const BYTES_PER_PART: usize = 48;
+
+/// How many parts pass between two looks at the clock.
+const PARTS_PER_CHECK: usize = 1 << 10;
 
 impl Simplifier<'_> {
     /// What is known about the atom.
@@ -36,16 +60,12 @@ impl Simplifier<'_> {
         row.map_or(Status::False, |row| self.status[atom.relation][row])
     }
 
-    /// The conjunction of the conditions, or nothing where it is never true. `binding` has a value for each variable
-    /// that is free in them; it may grow.
-    pub fn conjunction(
-        &self,
-        conditions: &[Normal],
-        binding: &mut Vec<u32>,
-    ) -> Result<Option<GroundCondition>, LimitError> {
+    /// The conjunction of the conditions, or nothing where it is never true. The frame has a value for each
+    /// variable that is free in them.
+    pub fn conjunction(&self, conditions: &[Normal], frame: &mut Frame) -> Result<Option<GroundCondition>, LimitError> {
         let mut result = GroundCondition::default();
         for condition in conditions {
-            if !self.require(condition, binding, &mut result)? {
+            if !self.require(condition, frame, &mut result)? {
                 return Ok(None);
             }
         }
@@ -58,44 +78,41 @@ impl Simplifier<'_> {
     }
 
     /// Adds a condition to the conjunction; false if it is never true.
-    fn require(
-        &self,
-        condition: &Normal,
-        binding: &mut Vec<u32>,
-        result: &mut GroundCondition,
-    ) -> Result<bool, LimitError> {
+    fn require(&self, condition: &Normal, frame: &mut Frame, result: &mut GroundCondition) -> Result<bool, LimitError> {
         match condition {
             Normal::And(parts) => {
                 for part in parts {
-                    if !self.require(part, binding, result)? {
+                    if !self.require(part, frame, result)? {
                         return Ok(false);
                     }
                 }
                 Ok(true)
             }
-            _ => Ok(absorb(self.formula(condition, binding)?, result)),
+            _ => Ok(absorb(self.formula(condition, frame)?, result)),
         }
     }
 
     /// The condition as a formula over facts; `And([])` is true and `Or([])` false.
-    fn formula(&self, condition: &Normal, binding: &mut Vec<u32>) -> Result<Formula, LimitError> {
+    fn formula(&self, condition: &Normal, frame: &mut Frame) -> Result<Formula, LimitError> {
         Ok(match condition {
-            Normal::Literal(atom, wanted) => match self.status(atom, binding) {
+            Normal::Literal(atom, wanted) => match self.status(atom, &frame.binding) {
                 Status::Fact(fact) => Formula::Literal(fact, *wanted),
                 known => constant((known == Status::True) == *wanted),
             },
-            Normal::Equal(left, right, wanted) => constant((left.value(binding) == right.value(binding)) == *wanted),
-            Normal::And(parts) => self.combine(parts, true, binding)?,
-            Normal::Or(parts) => self.combine(parts, false, binding)?,
-            Normal::Forall(inner) => self.quantified(inner, true, binding)?,
-            Normal::Exists(inner) => self.quantified(inner, false, binding)?,
+            Normal::Equal(left, right, wanted) => {
+                constant((left.value(&frame.binding) == right.value(&frame.binding)) == *wanted)
+            }
+            Normal::And(parts) => self.combine(parts, true, frame)?,
+            Normal::Or(parts) => self.combine(parts, false, frame)?,
+            Normal::Forall(inner) => self.quantified(inner, true, frame)?,
+            Normal::Exists(inner) => self.quantified(inner, false, frame)?,
         })
     }
 
-    fn combine(&self, parts: &[Normal], all: bool, binding: &mut Vec<u32>) -> Result<Formula, LimitError> {
+    fn combine(&self, parts: &[Normal], all: bool, frame: &mut Frame) -> Result<Formula, LimitError> {
         let mut group = Group::new(all);
         for part in parts {
-            group.add(self.formula(part, binding)?);
+            group.add(self.formula(part, frame)?);
             if group.is_decided {
                 break;
             }
@@ -103,38 +120,45 @@ impl Simplifier<'_> {
         Ok(group.finish())
     }
 
-    fn quantified(&self, inner: &Quantified, all: bool, binding: &mut Vec<u32>) -> Result<Formula, LimitError> {
+    fn quantified(&self, inner: &Quantified, all: bool, frame: &mut Frame) -> Result<Formula, LimitError> {
         let mut group = Group::new(all);
         if inner.is_inhabited() {
-            binding.resize(binding.len().max(inner.first + inner.ranges.len()), 0);
-            self.expand(inner, 0, binding, &mut group)?;
+            let variables = frame.binding.len().max(inner.first + inner.ranges.len());
+            frame.binding.resize(variables, 0);
+            self.expand(inner, 0, frame, &mut group)?;
         }
         Ok(group.finish())
     }
 
     /// Adds the body under every binding of the variables from the one at `at` on.
-    fn expand(
-        &self,
-        inner: &Quantified,
-        at: usize,
-        binding: &mut Vec<u32>,
-        group: &mut Group,
-    ) -> Result<(), LimitError> {
+    fn expand(&self, inner: &Quantified, at: usize, frame: &mut Frame, group: &mut Group) -> Result<(), LimitError> {
         if at == inner.ranges.len() {
-            group.add(self.formula(&inner.body, binding)?);
-            return Ok(());
+            let formula = self.formula(&inner.body, frame)?;
+            let is_constant = matches!(&formula, Formula::And(parts) | Formula::Or(parts) if parts.is_empty());
+            group.add(formula);
+            return self.count(frame, !is_constant);
         }
-        self.watch.check()?;
         for &object in inner.ranges[at].list.iter() {
-            binding[inner.first + at] = object;
-            let known = self.settled(&inner.body, binding, inner.first + at + 1);
+            frame.binding[inner.first + at] = object;
+            let known = self.settled(&inner.body, &frame.binding, inner.first + at + 1);
             match known {
                 Some(value) => group.add(constant(value)),
-                None => self.expand(inner, at + 1, binding, group)?,
+                None => self.expand(inner, at + 1, frame, group)?,
             }
             if group.is_decided {
                 break;
             }
+        }
+        Ok(())
+    }
+
+    /// Counts one more part of a quantified formula, and now and then looks whether there are too many.
+    fn count(&self, frame: &mut Frame, is_kept: bool) -> Result<(), LimitError> {
+        frame.parts += 1;
+        frame.held += if is_kept { BYTES_PER_PART } else { 0 };
+        if frame.parts % PARTS_PER_CHECK == 0 {
+            self.watch.check()?;
+            self.watch.bytes(self.bytes.load(Ordering::Relaxed) + frame.held)?;
         }
         Ok(())
     }
