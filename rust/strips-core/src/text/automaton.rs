@@ -121,8 +121,7 @@ impl SpokenTask {
         words.push(Marker::State as Word);
         if self.codec.layout() == Layout::Report {
             let atoms = self.task.atoms(next);
-            atoms.iter().filter_map(|atom| self.pack(atom)).for_each(|atom| self.say(Sign::Plain, atom, words));
-            return;
+            return atoms.iter().filter_map(|atom| self.pack(atom)).for_each(|atom| self.say(Sign::Plain, atom, words));
         }
         self.say_difference(Sign::Added, next, before, words);
         self.say_difference(Sign::Removed, before, next, words);
