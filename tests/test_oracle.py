@@ -214,4 +214,3 @@ def test_renaming_keeps_the_plans(cups):
     assert Task(domain, renamed).plan_set(2)[0] == ("(pick mug bench)", "(put mug rack)")
     with pytest.raises(ValueError, match="different"):
         problem.rename(["mug", "mug", "bench", "rack"])
-

@@ -1,0 +1,9 @@
+; Moves a tower of three discs to another peg: seven steps.
+(define (template three-discs)
+  (:domain hanoi)
+  (:parameters ?a - peg ?b - peg ?c - peg ?d1 - disc ?d2 - disc ?d3 - disc)
+  (:init
+    (fits ?d1 ?a) (fits ?d1 ?b) (fits ?d1 ?c) (fits ?d2 ?a) (fits ?d2 ?b) (fits ?d2 ?c)
+    (fits ?d3 ?a) (fits ?d3 ?b) (fits ?d3 ?c) (fits ?d1 ?d2) (fits ?d1 ?d3) (fits ?d2 ?d3)
+    (on ?d1 ?d2) (on ?d2 ?d3) (on ?d3 ?a) (clear ?d1) (clear ?b) (clear ?c))
+  (:goal (and (on ?d1 ?d2) (on ?d2 ?d3) (on ?d3 ?b))))
