@@ -22,7 +22,7 @@ mod validator;
 use crate::task::{OperatorId, Task};
 pub use judge::{JudgeError, Judgement, judge, judge_many};
 pub use trace::{Trace, check_trace};
-pub use validator::Validator;
+pub use validator::{Validator, validate_each};
 
 /// How a plan fares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -89,6 +89,11 @@ impl Validator {
     }
 }
 
+/// The verdict on each plan text against a task of its own, in order, computed in parallel.
+pub fn validate_each<S: AsRef<str> + Sync>(plans: &[(&Validator, S)]) -> Vec<Verdict> {
+    plans.par_iter().map(|(validator, text)| validator.validate(text.as_ref())).collect()
+}
+
 fn outcome(end: End) -> (Outcome, u32) {
     match end {
         End::Valid => (Outcome::Valid, 0),
