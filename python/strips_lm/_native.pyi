@@ -30,6 +30,7 @@ __all__ = [
     "__version__",
     "judge",
     "parse_completions",
+    "render_prompt",
     "split_plans",
     "split_texts",
     "state_graph",
@@ -431,6 +432,13 @@ class CanonicalCodec:
         self, prompts: Sequence[Sequence[int]], completions: Sequence[Sequence[int]], legends: Sequence[Legend]
     ) -> list[str]:
         """The texts of completions alone, from the ids of their prompts and of their own words; never fails."""
+
+def render_prompt(task: Task, style: Literal["paper", "typed"] = "typed", words: Sequence[str] | None = None) -> str:
+    """The prompt of a task: in `typed` its objects with their types, and the words for its actions where given.
+
+    Raises:
+        DataError: the goal is no conjunction of literals, or there are not as many words as actions.
+    """
 
 def state_graph(
     task: Task, horizon: int, *, max_states: int = 1000

@@ -25,6 +25,10 @@ COMMANDS = {
     "validate": "check plans against a problem, with the reason where one fails",
     "gen-data": "make a data set whose every label is proven",
     "train": "train a model on a data set",
+    "generate": "have a model write a plan for a problem, and the oracle check it",
+    "evaluate": "score models on suites of problems",
+    "report": "turn results into one HTML page",
+    "quickstart": "data set, models, scores and page with one command",
 }
 """Every command's name and what it does, in the order of `--help`. The module is the name with `_` for `-`."""
 

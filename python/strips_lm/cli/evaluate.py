@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     if args.reproduce:
         return _reproduce(args)
     results = _evaluate(args.models, args.data, args)
-    _print(results)
+    show(results)
     return 0
 
 
@@ -68,13 +68,14 @@ def _overrides(args: argparse.Namespace) -> list[str]:
     return found
 
 
-def _print(results: Results) -> None:
+def show(results: Results) -> None:
+    """Prints Table 1 and what explains it."""
     from rich.console import Console  # noqa: PLC0415
 
     from strips_lm.evaluate import table  # noqa: PLC0415
 
     console = Console(width=None if sys.stdout.isatty() else 200)
-    for part in (table.summary(results), table.failures(results), table.likelihoods(results)):
+    for part in (table.failures(results), table.likelihoods(results), table.summary(results)):
         console.print(part)
 
 

@@ -11,6 +11,7 @@ mod operators;
 mod pddl;
 mod plan_set;
 mod record;
+mod prompt;
 mod state_graph;
 mod task;
 mod text;
@@ -33,6 +34,7 @@ mod _native {
     use crate::plan_set::{PlanIterator, PlanSet, Plans};
     #[pymodule_export]
     use crate::record::RecordStream;
+    use crate::prompt::render_prompt;
     #[pymodule_export]
     use crate::state_graph::state_graph;
     #[pymodule_export]

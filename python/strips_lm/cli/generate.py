@@ -1,0 +1,144 @@
+"""Have a model write a plan for a problem of your own, and the oracle check it.
+
+Prints the plan in IPC form and, after a semicolon, the verdict: `valid` only if the plan was validated against the problem's
+PDDL. On a terminal the steps come with what each state changes. Exit 1 where the plan is not valid.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from strips_lm import _native
+from strips_lm.cli.arguments import add_config, add_task, max_bytes, read_config
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+    from strips_lm._native import Judgement
+    from strips_lm.generate import Completion
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Adds the command's arguments."""
+    parser.add_argument("model", metavar="MODEL", help="a folder that `strips-lm train` wrote")
+    add_task(parser)
+    parser.add_argument("--decode", default="greedy", metavar="NAME", help="greedy, sample, beam or best-of-k")
+    parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
+    parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_config(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Generates and checks one plan; returns 0 where it is valid, else 1."""
+    question = Question(args)
+    made = question.ask(args)
+    judgement = question.judge([made.text])[0]
+    valid = judgement.verdict.is_valid and made.finished
+    (_print_json if args.json else _print_plan)(question, made, judgement, valid)
+    return 0 if valid else 1
+
+
+class Question:
+    """A problem as a model is asked it and as the oracle judges the answer."""
+
+    def __init__(self, args: argparse.Namespace) -> None:
+        """Reads the task; the prompt's words for actions are the domain's own."""
+        self.domain = _native.Domain.parse(args.domain.read_bytes(), str(args.domain))
+        problem = _native.Problem.parse(args.problem.read_bytes(), self.domain, str(args.problem))
+        task = _native.Task(self.domain, problem, max_bytes=max_bytes(args), time_limit=args.time_limit)
+        self.actions = [name for name, _ in self.domain.actions]
+        self.prompt = _native.render_prompt(task, args.style, self.actions if args.style == "typed" else None)
+        self.problem = problem.to_pddl()
+        self.words = {**synonyms(self.domain.name), **{name: name for name in self.actions}}
+
+    def judge(self, texts: Sequence[str]) -> list[Judgement]:
+        """The oracle's judgements of completions."""
+        many = len(texts)
+        return _native.judge(self.domain, [self.problem] * many, list(texts), [self.words] * many)
+
+    def ask(self, args: argparse.Namespace) -> Completion:
+        """The model's completion."""
+        args.overrides += [f"generate.rerank={args.rerank}"] if args.rerank else []
+        config = read_config(args)
+        from strips_lm.generate import Planner, check_decode  # noqa: PLC0415
+
+        check_decode(args.decode)
+        planner = Planner.load(args.model, config.generate, config.seed)
+
+        def holds(_: Sequence[int], texts: Sequence[str]) -> list[bool]:
+            return [judgement.verdict.is_valid for judgement in self.judge(texts)]
+
+        return planner.complete([self.prompt], args.decode, holds).completions[0]
+
+
+def synonyms(domain: str) -> dict[str, str]:
+    """The words for actions that models of a built-in domain may have been trained on."""
+    from strips_lm.evaluate.suites import read_synonyms  # noqa: PLC0415
+
+    return read_synonyms(Path(str(files("strips_lm") / "domains" / domain / "lexicon.toml")))
+
+
+def _print_json(question: Question, made: Completion, judgement: Judgement, valid: bool) -> None:
+    found: dict[str, Any] = {
+        "valid": valid,
+        "plan": judgement.plan.split("\n") if judgement.plan else [],
+        **{key: value for key, value in judgement.verdict.to_dict().items() if key != "plan"},
+        "finished": made.finished,
+        "prompt": question.prompt,
+        "text": made.text,
+        "states": judgement.states_total,
+        "states_right": judgement.states_right,
+    }
+    print(json.dumps(found))
+
+
+def _print_plan(question: Question, made: Completion, judgement: Judgement, valid: bool) -> None:
+    """The plan as a plan file; on a terminal also the states."""
+    if sys.stdout.isatty():
+        _show_steps(question, made, judgement)
+    elif judgement.plan:
+        print(judgement.plan.rstrip("\n"))
+    print(f"; {sentence(made, judgement, valid)}")
+
+
+def sentence(made: Completion, judgement: Judgement, valid: bool) -> str:
+    """The verdict in words."""
+    verdict = judgement.verdict
+    if valid:
+        return f"valid: {judgement.steps} steps, checked against the problem"
+    if verdict.is_valid and not made.finished:
+        return "not valid: the text did not come to its end"
+    return f"{verdict.outcome}: {verdict.reason}"
+
+
+def _show_steps(question: Question, made: Completion, judgement: Judgement) -> None:
+    """Each step in colour, with the atoms that its state adds and loses."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
+    console = Console(highlight=False)
+    before = set(atoms(question.prompt.rsplit("<INIT>", 1)[-1]))
+    plan = judgement.plan.split("\n")
+    steps = _native.parse_completions([made.text])[0].steps
+    for number, (step, (_, state)) in enumerate(zip(plan, steps, strict=False), 1):
+        wrong = judgement.verdict.step == number
+        line = Text(f"{step}", style="bold red" if wrong else "bold cyan")
+        after = {f"{name}({', '.join(parts)})" for name, parts in state} if state is not None else before
+        for atom in sorted(after - before):
+            line.append(f"  +{atom}", style="green")
+        for atom in sorted(before - after):
+            line.append(f"  -{atom}", style="dim")
+        console.print(line)
+        before = after
+
+
+def atoms(text: str) -> list[str]:
+    """The atoms of a segment, as they are written."""
+    found = text.strip().split("), ")
+    return [atom if atom.endswith(")") else f"{atom})" for atom in found if atom]
