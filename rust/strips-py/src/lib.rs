@@ -10,8 +10,8 @@ mod interrupt;
 mod operators;
 mod pddl;
 mod plan_set;
-mod record;
 mod prompt;
+mod record;
 mod state_graph;
 mod task;
 mod text;
@@ -33,8 +33,9 @@ mod _native {
     #[pymodule_export]
     use crate::plan_set::{PlanIterator, PlanSet, Plans};
     #[pymodule_export]
-    use crate::record::RecordStream;
     use crate::prompt::render_prompt;
+    #[pymodule_export]
+    use crate::record::RecordStream;
     #[pymodule_export]
     use crate::state_graph::state_graph;
     #[pymodule_export]
