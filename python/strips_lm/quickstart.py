@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path  # noqa: TC003  (dataclass fields are public types)
 from typing import TYPE_CHECKING
 
 from strips_lm.config import RunConfig
@@ -42,7 +42,7 @@ ENTRANTS = (
 """The report's three models, and the double head on text as it is spelled; the same data for all."""
 
 
-class Interrupted(KeyboardInterrupt):  # noqa: N818  (it is an interrupt, not an error)
+class Interrupted(KeyboardInterrupt):
     """A signal ended a stage; what it had done is kept."""
 
 
@@ -79,8 +79,8 @@ class Quickstart:
     def _make_data(self) -> None:
         if (self.data / "manifest.json").is_file():
             return
-        from strips_lm.shards import write_data_set  # noqa: PLC0415
-        from strips_lm.sources import read_sources  # noqa: PLC0415
+        from strips_lm.shards import write_data_set
+        from strips_lm.sources import read_sources
 
         self.tell(f"data: {self.pairs} pairs, every plan and every corruption proven by the oracle")
         config = RunConfig.load(None, [f"data.pairs={self.pairs}", f"seed={self.seed}"])
@@ -92,7 +92,7 @@ class Quickstart:
         out = self.out / "models" / entrant.name
         if (out / "trained.json").is_file():
             return
-        from strips_lm.train import train  # noqa: PLC0415
+        from strips_lm.train import train
 
         minutes = self.minutes * entrant.share
         self.tell(f"train: {entrant.name}, {minutes:.1f} minutes")
@@ -113,13 +113,13 @@ class Quickstart:
         return found[0]
 
     def _evaluate_one(self, entrant: Entrant) -> Results:
-        from strips_lm.evaluate.results import Results  # noqa: PLC0415
+        from strips_lm.evaluate.results import Results
 
         path = self.out / "results" / f"{entrant.name}.json"
         if path.is_file():
             return Results.load(path)
-        from strips_lm.evaluate.evaluation import Evaluation  # noqa: PLC0415
-        from strips_lm.evaluate.suites import DataFolder  # noqa: PLC0415
+        from strips_lm.evaluate.evaluation import Evaluation
+        from strips_lm.evaluate.suites import DataFolder
 
         self.tell(f"evaluate: {entrant.name}")
         config = RunConfig.load(None, [f"evaluate.limit={self.limit}", f"seed={self.seed}"])
@@ -131,7 +131,7 @@ class Quickstart:
         return results
 
     def _report(self, results: Results) -> None:
-        from strips_lm.report import write_report  # noqa: PLC0415
+        from strips_lm.report import write_report
 
         write_report(results, self.out / "report.html")
         self.tell(f"report: {self.out / 'report.html'}{os.linesep}")

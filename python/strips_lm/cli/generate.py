@@ -1,7 +1,7 @@
 """Have a model write a plan for a problem of your own, and the oracle check it.
 
-Prints the plan in IPC form and, after a semicolon, the verdict: `valid` only if the plan was validated against the problem's
-PDDL. On a terminal the steps come with what each state changes. Exit 1 where the plan is not valid.
+Prints the plan in IPC form and, after a semicolon, the verdict: `valid` only if the plan was validated against the
+problem's PDDL. On a terminal the steps come with what each state changes. Exit 1 where the plan is not valid.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Everything at once: make a data set, train the report's three models and one on spelled text, score them, draw a page.
+"""Make a data set, train the report's three models and one on spelled text, score them, draw a page.
 
 Leaves in the folder the data set, the checkpoints, `results.json` and `report.html`; prints Table 1. Called again after
 Ctrl-C it goes on where it stopped. `--minutes` is the time for training; the rest takes a few minutes more.

@@ -1,6 +1,7 @@
 """One self-contained HTML page of results: no network, no script, light and dark, readable on a telephone.
 
-It reads `results.json` and the `metrics.jsonl` beside the models, and asks the oracle for one problem's state graph. It runs no model.
+It reads `results.json` and the `metrics.jsonl` beside the models, and asks the oracle for one problem's state graph.
+It runs no model.
 """
 
 from __future__ import annotations
@@ -62,13 +63,19 @@ def _parts(results: Results) -> list[str]:
 
 
 _TABLE = (
-    "Share of valid plans in per cent with its 95 % interval (Wilson). A plan is valid if its every step can be executed and "
-    "the last state satisfies the goal of the prompt's own PDDL problem. Perplexity is 2^H over the plans' tokens, on the "
-    "first suite; its floor is what a perfect model reaches. Lines with * had the oracle's help while decoding."
+    "Share of valid plans in per cent with its 95 % interval (Wilson). A plan is valid if its every step can be executed "
+    "and the last state satisfies the goal of the prompt's own PDDL problem. Perplexity is 2^H over the plans' tokens, on "
+    "the first suite; its floor is what a perfect model reaches. Lines with * had the oracle's help while decoding."
 )
 _VALID = "Greedy decoding without any help, or the first way of decoding that was run."
-_TRAINING = "Language-model loss in nats a token on training (solid) and validation data (dashed). Tokenizers differ in how many tokens a plan has, so only curves of one tokenizer compare."
-_GRAPH = "States on plans of up to two steps more than this one. The initial state is blue, goal states are red, the plan's path is green. Hover over a state to read it."
+_TRAINING = (
+    "Language-model loss in nats a token on training (solid) and validation data (dashed). Tokenizers differ in how many "
+    "tokens a plan has, so only curves of one tokenizer compare."
+)
+_GRAPH = (
+    "States on plans of up to two steps more than this one. The initial state is blue, goal states are red, the plan's "
+    "path is green. Hover over a state to read it."
+)
 _EXAMPLES = "The same prompt, every model. Actions and the atoms that a state adds are marked."
 _LENGTH = "By the number of steps of the shortest plan."
 _FAIL = "What the oracle says of the invalid plans, in per cent of all prompts."

@@ -1,7 +1,7 @@
 """The charts of the report as inline SVG, drawn by matplotlib without a display.
 
-Every colour is a name that the page's style sheet defines, so that one drawing serves light and dark; text stays text. It
-knows numbers and labels, not where they come from.
+Every colour is a name that the page's style sheet defines, so that one drawing serves light and dark; text stays text.
+It knows numbers and labels, not where they come from.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def stacks(groups: Sequence[str], parts: dict[str, list[float]], label: str) -> 
         return _svg(figure, label)
 
 
-class _figure:  # noqa: N801  (reads as a verb: with _figure(height) as …)
+class _figure:
     """A figure in the page's style, 7 inches wide."""
 
     def __init__(self, height: float) -> None:
@@ -139,7 +139,7 @@ class _figure:  # noqa: N801  (reads as a verb: with _figure(height) as …)
         figure = Figure(figsize=(7, self.height), layout="constrained")
         return figure, figure.subplots()
 
-    def __exit__(self, *error: Any) -> None:
+    def __exit__(self, *error: object) -> None:
         self.style.__exit__(*error)
 
 
@@ -158,7 +158,9 @@ def _svg(figure: Figure, title: str) -> str:
     text = text[text.index("<svg") :]
     for colour, name in COLOURS.items():
         text = text.replace(colour, name)
-    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1), count=1)
+    text = re.sub(
+        r'(<svg[^>]*?) width="[^"]*"', r"\1", re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1), count=1
+    )
     text = _unique_ids(text, title)
     return text.replace("<svg ", f'<svg role="img" aria-label="{title}" class="chart" ', 1)
 
@@ -168,4 +170,3 @@ def _unique_ids(text: str, title: str) -> str:
     mark = re.sub(r"\W+", "-", title)
     text = re.sub(r'\bid="', f'id="{mark}-', text)
     return re.sub(r'(href="#|url\(#)', rf"\1{mark}-", text)
-

@@ -1,7 +1,7 @@
-"""A problem's state graph as inline SVG (the report's Figure 1): layers by distance from the initial state, the plan in it.
+"""A problem's state graph as inline SVG (Figure 1): layers by distance from the initial state, the plan in it.
 
-States of a layer are ordered by where their predecessors stand (the barycentre rule of Sugiyama et al. 1981), which keeps
-edges short. Hovering over a state shows its atoms.
+States of a layer are ordered by where their predecessors stand (the barycentre rule of Sugiyama et al. 1981), which
+keeps edges short. Hovering over a state shows its atoms.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
+import itertools
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,9 +46,9 @@ def draw(graph: StateGraph, plan: Sequence[str]) -> str:
     places = _places(graph, path)
     height = (max(graph.depths) + 1) * LAYER
     parts = [f'<svg class="graph" role="img" aria-label="state graph" viewBox="0 0 {WIDTH} {height}">']
-    on_path = set(zip(path, path[1:], strict=False))
+    on_path = set(itertools.pairwise(path))
     parts += [_edge(places, source, target) for source, target, _ in graph.edges if (source, target) not in on_path]
-    parts += [_edge(places, source, target, "path") for source, target in zip(path, path[1:], strict=False)]
+    parts += [_edge(places, source, target, "path") for source, target in itertools.pairwise(path)]
     parts += [_node(graph, places, state, path) for state in range(len(graph.states))]
     parts += [_label(places, path, step, operator) for step, operator in enumerate(plan[: len(path) - 1])]
     return "".join([*parts, "</svg>"])
@@ -79,8 +80,9 @@ def _middle(layer: list[int], path: set[int]) -> list[int]:
 
 def _edge(places: list[tuple[float, float]], source: int, target: int, kind: str = "edge") -> str:
     (x1, y1), (x2, y2) = places[source], places[target]
-    bend = (y2 - y1) / 2 if y1 != y2 else -LAYER / 3
-    return f'<path class="{kind}" d="M{x1:.1f} {y1:.1f}C{x1:.1f} {y1 + bend:.1f} {x2:.1f} {y2 - bend if y1 != y2 else y2 + bend:.1f} {x2:.1f} {y2:.1f}"/>'
+    leave, arrive = (y1 + (y2 - y1) / 2, y2 - (y2 - y1) / 2) if y1 != y2 else (y1 - LAYER / 3, y2 - LAYER / 3)
+    curve = f"M{x1:.1f} {y1:.1f}C{x1:.1f} {leave:.1f} {x2:.1f} {arrive:.1f} {x2:.1f} {y2:.1f}"
+    return f'<path class="{kind}" d="{curve}"/>'
 
 
 def _node(graph: StateGraph, places: list[tuple[float, float]], state: int, path: Sequence[int]) -> str:
