@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import torch
 
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from strips_lm.config import GenerateConfig
     from strips_lm.decode import Decoder
     from strips_lm.tokenizer import PlanTokenizer
+
+    Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
+    """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
 
 Decode = Literal["greedy", "sample", "beam", "best-of-k"]
 """The ways of decoding."""
@@ -65,13 +68,6 @@ class Batch:
     seconds: float
 
 
-class Judge(Protocol):
-    """The oracle as `best-of-k` by `oracle` needs it."""
-
-    def __call__(self, prompts: Sequence[int], texts: Sequence[str]) -> Sequence[bool]:
-        """Whether each text is a valid plan for the prompt of that number."""
-
-
 def check_decode(name: str) -> str:
     """The name of a way of decoding.
 
@@ -100,7 +96,8 @@ class Planner:
         """
         place = checkpoint_folder(folder)
         device = device or ("cuda" if torch.cuda.is_available() else "cpu")
-        return cls(load_model(place).to(device), tokenizers.load(place), config, seed)
+        model: Any = load_model(place)
+        return cls(model.to(device), tokenizers.load(place), config, seed)
 
     @property
     def model_context(self) -> int:
@@ -179,7 +176,7 @@ class Planner:
 
     def _decode(
         self,
-        ids: Sequence[Sequence[int]],
+        ids: Sequence[Any],
         decode: str,
         tick: Callable[[int], None] | None,
         draws: int = 1,
@@ -218,7 +215,7 @@ class Planner:
 class Drawn:
     """Several samples for each prompt, prompt by prompt."""
 
-    ids: Sequence[Sequence[int]]
+    ids: Sequence[Any]
     made: list[Generation]
     texts: list[Completion]
     seconds: float

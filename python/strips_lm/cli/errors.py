@@ -12,7 +12,7 @@ from strips_lm import _native
 from strips_lm.cli.arguments import UsageError
 from strips_lm.config.names import ConfigError
 
-LEARNING = ("torch", "transformers", "accelerate", "tokenizers", "safetensors", "rich")
+LEARNING = ("torch", "transformers", "accelerate", "tokenizers", "safetensors", "rich", "matplotlib")
 """What only the learning commands need."""
 
 

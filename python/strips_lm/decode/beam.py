@@ -123,7 +123,9 @@ def _grow(group: Group, beam: _Beams, log_probs: Tensor) -> list[int]:
     """Put the best `width` that go on into `beam`, and those that stop among its finished; the parents."""
     totals = log_probs + torch.tensor(beam.scores, device=log_probs.device)[:, None]
     best = totals.flatten().topk(min(2 * group.width, totals.numel()))
-    texts, scores, parents = [], [], []
+    texts: list[list[int]] = []
+    scores: list[float] = []
+    parents: list[int] = []
     for rank, (score, index) in enumerate(zip(best.values.tolist(), best.indices.tolist(), strict=True)):
         parent, token = divmod(index, totals.shape[-1])
         text = [*beam.tokens[parent], token]

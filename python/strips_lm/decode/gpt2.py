@@ -39,7 +39,9 @@ class Layer:
 def _pair(module: nn.Module) -> tuple[Tensor, Tensor]:
     """A module's weight and bias, without their gradients."""
     weight, bias = module.weight, module.bias
-    return weight.detach(), bias.detach()  # type: ignore[operator, union-attr, return-value]
+    assert isinstance(weight, torch.Tensor)
+    assert isinstance(bias, torch.Tensor)
+    return weight.detach(), bias.detach()
 
 
 def _read_layer(block: Any, index: int, config: Any) -> Layer:
@@ -69,7 +71,8 @@ class Gpt2Decoder:
         """A decoder with an empty cache of `rows` rows."""
         body, self.config = model.transformer, model.config
         self.layers = [_read_layer(block, i, self.config) for i, block in enumerate(body.h)]
-        self.tokens, self.places = body.wte.weight.detach(), body.wpe.weight.detach()
+        self.tokens: Tensor = body.wte.weight.detach()
+        self.places: Tensor = body.wpe.weight.detach()
         self.norm, self.head = _pair(body.ln_f), model.lm_head.weight.detach()
         self.activation: Callable[[Tensor], Tensor] = _activation(self.config.activation_function)
         self.context: int = self.config.n_positions
@@ -80,7 +83,8 @@ class Gpt2Decoder:
     def _room(self, rows: int, positions: int) -> Tensor:
         """An empty cache of one layer: (rows, heads, positions, width of a head)."""
         heads = self.config.n_head
-        return self.tokens.new_zeros(rows, heads, positions, self.config.n_embd // heads)
+        shape = rows, heads, positions, self.config.n_embd // heads
+        return torch.zeros(shape, dtype=self.tokens.dtype, device=self.tokens.device)
 
     def _reserve(self, positions: int) -> None:
         """Room for `positions` positions in every row, growing by half so that the copies stay O(1) a token."""

@@ -113,5 +113,6 @@ def _read(files: Sequence[Path]) -> Iterator[Item]:
         with pq.ParquetFile(path) as file:
             for batch in file.iter_batches(batch_size=1024, columns=list(COLUMNS)):
                 columns = batch.to_pydict()
-                rows = zip(*(columns[name] for name in COLUMNS), strict=True)
-                yield from (Item(*row[:-1], int(row[-1])) for row in rows)
+                columns["plan_count"] = [int(count) for count in columns["plan_count"]]
+                rows: Iterator[Any] = zip(*(columns[name] for name in COLUMNS), strict=True)
+                yield from (Item(*row) for row in rows)

@@ -63,13 +63,13 @@ def _parts(results: Results) -> list[str]:
 
 
 _TABLE = (
-    "Share of valid plans in per cent with its 95 % interval (Wilson). A plan is valid if its every step can be executed "
-    "and the last state satisfies the goal of the prompt's own PDDL problem. Perplexity is 2^H over the plans' tokens, on "
+    "Share of valid plans in per cent with its 95 % interval (Wilson). A plan is valid if every step can be executed "
+    "and the last state satisfies the goal of the prompt's own PDDL problem. Perplexity is 2^H over the plans, on "
     "the first suite; its floor is what a perfect model reaches. Lines with * had the oracle's help while decoding."
 )
 _VALID = "Greedy decoding without any help, or the first way of decoding that was run."
 _TRAINING = (
-    "Language-model loss in nats a token on training (solid) and validation data (dashed). Tokenizers differ in how many "
+    "LM loss in nats a token on training (solid) and validation data (dashed). Tokenizers differ in how many "
     "tokens a plan has, so only curves of one tokenizer compare."
 )
 _GRAPH = (

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 COLOURS = {
     "#000001": "var(--ink)",
@@ -29,7 +30,7 @@ INK, FAINT, LINE = "#000001", "#000002", "#000003"
 SERIES = [f"#0000{n:02x}" for n in range(16, 24)]
 """Eight colours for eight series."""
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "strips-lm",
     "font.family": "sans-serif",
@@ -127,20 +128,12 @@ def stacks(groups: Sequence[str], parts: dict[str, list[float]], label: str) -> 
         return _svg(figure, label)
 
 
-class _figure:
-    """A figure in the page's style, 7 inches wide."""
-
-    def __init__(self, height: float) -> None:
-        self.height = height
-        self.style = rc_context(STYLE)
-
-    def __enter__(self) -> tuple[Figure, Any]:
-        self.style.__enter__()
-        figure = Figure(figsize=(7, self.height), layout="constrained")
-        return figure, figure.subplots()
-
-    def __exit__(self, *error: object) -> None:
-        self.style.__exit__(*error)
+@contextmanager
+def _figure(height: float) -> Iterator[tuple[Figure, Any]]:
+    """A figure in the page's style, 7 inches wide, and its axes."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7, height), layout="constrained")
+        yield figure, figure.subplots()
 
 
 def _legend(figure: Figure, axes: Any) -> None:

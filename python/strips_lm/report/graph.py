@@ -6,10 +6,10 @@ keeps edges short. Hovering over a state shows its atoms.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
-import itertools
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,0 +1,125 @@
+"""What an evaluation counts, and how it is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from fixture_results import made_up_results
+from hypothesis import given
+from hypothesis import strategies as st
+
+from strips_lm.config import ConfigError, RunConfig
+from strips_lm.evaluate.results import Results, differences
+from strips_lm.evaluate.statistics import wilson
+from strips_lm.evaluate.tally import Trial, tally
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True)
+class FakeVerdict:
+    outcome: str
+    step: int | None
+
+    @property
+    def is_valid(self) -> bool:
+        return self.outcome == "valid"
+
+
+@dataclass(frozen=True)
+class FakeJudgement:
+    verdict: FakeVerdict
+    steps: int = 3
+    executable_steps: int = 3
+    states_total: int = 3
+    states_right: int = 3
+
+
+def judgement(outcome: str, step: int | None = None, **rest: Any) -> Any:
+    return FakeJudgement(FakeVerdict(outcome, step), **rest)
+
+
+def trial(finished: list[bool], optimal: list[int]) -> Trial:
+    return Trial(
+        model="m",
+        suite="s",
+        decode="greedy",
+        oracle_helps=False,
+        texts=["x"] * len(finished),
+        finished=finished,
+        optimal_steps=optimal,
+        tokens=100,
+        seconds=2.0,
+        verify_seconds=0.0,
+    )
+
+
+def test_wilson_is_the_published_interval() -> None:
+    # Newcombe 1998, table I: 81 of 263 by the score method
+    low, high = wilson(81, 263)
+    assert (round(low, 4), round(high, 4)) == (0.2553, 0.3662)
+
+
+@given(st.integers(0, 500), st.integers(0, 500))
+def test_the_interval_holds_the_share(successes: int, failures: int) -> None:
+    low, high = wilson(successes, successes + failures)
+    assert 0.0 <= low <= high <= 1.0
+    if successes + failures:
+        assert low - 1e-12 <= successes / (successes + failures) <= high + 1e-12
+
+
+def test_what_is_counted() -> None:
+    judgements = [
+        judgement("valid"),
+        judgement("valid", states_right=2),
+        judgement("inapplicable", 2, executable_steps=1),
+        judgement("syntax", None, steps=0, executable_steps=0, states_total=0, states_right=0),
+        judgement("valid"),
+    ]
+    score = tally(trial([True, True, True, True, False], [3, 2, 3, 5, 3]), judgements)
+    assert (score.prompts, score.valid, score.optimal, score.surplus_mean) == (5, 2, 1, 0.5)
+    assert (score.unfinished, score.malformed, score.traces_right) == (1, 1, 1)
+    assert score.verdicts == {"valid": 2, "inapplicable": 1, "syntax": 1, "unfinished": 1}
+    assert score.failed_at == {"2": 1, "-": 2}
+    assert score.by_length == {"2": [1, 1], "3": [1, 3], "5": [0, 1]}
+    assert (score.states, score.states_right, score.tokens_per_second) == (12, 11, 50.0)
+
+
+def test_a_valid_plan_without_an_end_is_not_valid() -> None:
+    assert tally(trial([False], [3]), [judgement("valid")]).valid == 0
+
+
+def test_results_come_back_as_they_were_saved(tmp_path: Path) -> None:
+    results = made_up_results(tmp_path)
+    results.save(tmp_path / "results.json")
+    assert Results.load(tmp_path / "results.json") == results
+
+
+def test_reproducing_looks_past_timings_and_at_the_rest(tmp_path: Path) -> None:
+    old, new = made_up_results(tmp_path / "a"), made_up_results(tmp_path / "b")
+    new.scores[0] = replace(new.scores[0], seconds=99.0, prompts_per_second=1.0)
+    assert differences(old, new) == []
+    new.scores[0] = replace(new.scores[0], valid=195, digest="1" * 64)
+    assert len(differences(old, new)) == 2
+    del new.scores[1]
+    assert any("missing" in line for line in differences(old, new))
+
+
+def test_another_file_is_refused_with_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text('{"format": "something else"}')
+    with pytest.raises(ConfigError, match="not a results file"):
+        Results.load(tmp_path / "results.json")
+
+
+def test_settings_of_results_give_the_configuration_back(tmp_path: Path) -> None:
+    from dataclasses import asdict
+
+    from strips_lm.cli.evaluate import settings
+
+    config = RunConfig.load(None, ["seed=4", "generate.top_k=7", 'evaluate.suites=["seen"]'])
+    results = made_up_results(tmp_path)
+    results.config = {"seed": 4, "generate": asdict(config.generate), "evaluate": asdict(config.evaluate)}
+    assert RunConfig.load(None, settings(results)) == config
