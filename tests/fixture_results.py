@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from strips_lm.evaluate.results import Example, Likelihood, Model, Output, Results, Score
 from strips_lm.evaluate.statistics import wilson
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 SUITES = ("seen", "unseen-objects", "more-objects")
 PROBLEM = """(define (problem tea) (:domain manipulation) (:objects shelf - fixture teabag - movable cup - vessel)
@@ -28,22 +31,47 @@ def score(model: str, suite: str, valid: int, decode: str = "greedy") -> Score:
     low, high = wilson(valid, 200)
     wrong = 200 - valid
     return Score(
-        **{"model": model, "suite": suite, "decode": decode, "oracle_helps": decode.endswith("oracle")},
-        **{"prompts": 200, "valid": valid, "valid_low": low, "valid_high": high, "optimal": valid // 2},
-        **{"surplus_mean": 0.5, "executable_share": 0.9, "states": 900, "states_right": 880},
-        **{"traces_right": valid, "unfinished": 2, "malformed": 1},
+        model=model,
+        suite=suite,
+        decode=decode,
+        oracle_helps=decode.endswith("oracle"),
+        prompts=200,
+        valid=valid,
+        valid_low=low,
+        valid_high=high,
+        optimal=valid // 2,
+        surplus_mean=0.5,
+        executable_share=0.9,
+        states=900,
+        states_right=880,
+        traces_right=valid,
+        unfinished=2,
+        malformed=1,
         verdicts={"valid": valid, "goal_not_reached": wrong // 2, "inapplicable": wrong - wrong // 2},
         failed_at={"3": wrong},
         by_length={"2": [valid // 2, 100], "5": [valid - valid // 2, 100]},
-        **{"tokens": 9000, "seconds": 1.5, "prompts_per_second": 133.0, "tokens_per_second": 6000.0},
-        **{"verify_seconds": 0.01, "digest": "0" * 64},
+        tokens=9000,
+        seconds=1.5,
+        prompts_per_second=133.0,
+        tokens_per_second=6000.0,
+        verify_seconds=0.01,
+        digest="0" * 64,
     )
 
 
 def likelihood(model: str, suite: str) -> Likelihood:
     return Likelihood(
-        **{"model": model, "suite": suite, "records": 500, "left_out": 0, "tokens": 30_000, "perplexity": 1.0312},
-        **{"floor": 1.02, "bits_per_plan": 2.5, "floor_bits_per_plan": 1.9, "choices": 500, "choices_right": 495},
+        model=model,
+        suite=suite,
+        records=500,
+        left_out=0,
+        tokens=30_000,
+        perplexity=1.0312,
+        floor=1.02,
+        bits_per_plan=2.5,
+        floor_bits_per_plan=1.9,
+        choices=500,
+        choices_right=495,
         by_negative={"drop-step": [245, 250], "shuffle-states": [250, 250]},
     )
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from fixture_results import made_up_results
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fixture_results import made_up_results
 from strips_lm.config import ConfigError, RunConfig
 from strips_lm.evaluate.results import Results, differences
 from strips_lm.evaluate.statistics import wilson

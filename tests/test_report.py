@@ -12,11 +12,10 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from fixture_results import PLAN, made_up_results  # noqa: E402
-
-from strips_lm.cli import main  # noqa: E402
-from strips_lm.report import page  # noqa: E402
-from strips_lm.report.graph import StateGraph, draw, walk  # noqa: E402
+from fixture_results import PLAN, made_up_results
+from strips_lm.cli import main
+from strips_lm.report import page
+from strips_lm.report.graph import StateGraph, draw, walk
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,7 +30,7 @@ class Balance(HTMLParser):
         super().__init__()
         self.open: list[str] = []
 
-    def handle_starttag(self, tag: str, attrs: object) -> None:
+    def handle_starttag(self, tag: str, _attrs: object) -> None:
         if tag not in VOID:
             self.open.append(tag)
 
