@@ -17,7 +17,11 @@ fn pool(threads: usize) -> ThreadPool {
 /// All reachable states, on one thread and on two.
 fn breadth_first(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("breadth first");
-    for (name, task) in [("blocksworld-8", blocksworld(8)), ("gripper-8", gripper(8)), ("gripper-12", gripper(12))] {
+    for (name, task) in [
+        ("blocksworld-8", blocksworld(8).grounded()),
+        ("gripper-8", gripper(8).grounded()),
+        ("gripper-12", gripper(12).grounded()),
+    ] {
         let explore = || StateSpace::reachable(&task, Reach::default(), &Limits::default()).expect("within limits");
         group.throughput(Throughput::Elements(explore().len() as u64));
         for threads in [1, 2] {
@@ -33,7 +37,7 @@ fn breadth_first(criterion: &mut Criterion) {
 /// The first plan of a problem, without a plan set.
 fn first_plan(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("first plan");
-    for (name, task) in [("blocksworld-8", blocksworld(8)), ("gripper-12", gripper(12))] {
+    for (name, task) in [("blocksworld-8", blocksworld(8).grounded()), ("gripper-12", gripper(12).grounded())] {
         group.bench_function(name, |bencher| {
             bencher.iter(|| shortest_plan(&task, None, &Limits::default()).expect("within limits"));
         });
@@ -45,10 +49,10 @@ fn first_plan(criterion: &mut Criterion) {
 fn counting(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("counting");
     let cases = [
-        ("evening, T = 8, 858375000 plans", evening(), 8, Semantics::Any),
-        ("evening, T = 8, simple", evening(), 8, Semantics::Simple),
-        ("gripper-4, T = 30", gripper(4), 30, Semantics::Any),
-        ("blocksworld-4, T = 7", blocksworld(4), 7, Semantics::FirstGoal),
+        ("evening, T = 8, 858375000 plans", evening().grounded(), 8, Semantics::Any),
+        ("evening, T = 8, simple", evening().grounded(), 8, Semantics::Simple),
+        ("gripper-4, T = 30", gripper(4).grounded(), 30, Semantics::Any),
+        ("blocksworld-4, T = 7", blocksworld(4).grounded(), 7, Semantics::FirstGoal),
     ];
     for (name, task, horizon, semantics) in cases {
         let build = || PlanSet::new(task.clone(), horizon, semantics, &Limits::default()).expect("within limits");
@@ -62,7 +66,9 @@ fn plans(criterion: &mut Criterion) {
     const PLANS: u64 = 1_000_000;
     let limits = Limits::default();
     let mut group = criterion.benchmark_group("plans");
-    for (name, task, horizon) in [("evening, T = 8", evening(), 8), ("gripper-8, T = 23", gripper(8), 23)] {
+    for (name, task, horizon) in
+        [("evening, T = 8", evening().grounded(), 8), ("gripper-8, T = 23", gripper(8).grounded(), 23)]
+    {
         let set = PlanSet::new(task, horizon, Semantics::FirstGoal, &limits).expect("within limits");
         let all = || BigUint::default()..BigUint::from(PLANS);
         group.throughput(Throughput::Elements(PLANS));

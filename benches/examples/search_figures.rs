@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use num_bigint::BigUint;
 use strips_bench::classics::{blocksworld, evening, gripper};
+use strips_bench::processor_seconds;
 use strips_core::search::{PlanSet, Reach, Semantics, StateSpace, shortest_plan};
 use strips_core::task::Limits;
 
@@ -30,22 +31,16 @@ fn best<T>(what: &str, unit: &str, mut work: impl FnMut() -> (T, usize)) {
     println!("{:62} {:>9.2} ms {:>8.2} M/s of processor time", "", least * 1e3, rate(least));
 }
 
-/// Time that this process's threads have had a processor.
-fn processor_seconds() -> f64 {
-    let Ok(threads) = std::fs::read_dir("/proc/self/task") else { return f64::NAN };
-    let nanoseconds = |thread: std::fs::DirEntry| -> Option<f64> {
-        let text = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
-        text.split_whitespace().next()?.parse().ok()
-    };
-    threads.flatten().filter_map(nanoseconds).sum::<f64>() / 1e9
-}
-
 fn main() {
     let limits = Limits::default();
     // Kept alive, as the processor time of threads that ended is lost.
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
     let pools = [1, 2].map(|threads| (threads, pool(threads)));
-    for (name, task) in [("blocksworld-8", blocksworld(8)), ("gripper-8", gripper(8)), ("gripper-12", gripper(12))] {
+    for (name, task) in [
+        ("blocksworld-8", blocksworld(8).grounded()),
+        ("gripper-8", gripper(8).grounded()),
+        ("gripper-12", gripper(12).grounded()),
+    ] {
         println!("{name}: {} facts, {} operators", task.facts.len(), task.operators.len());
         for (threads, pool) in &pools {
             let explore = || StateSpace::reachable(&task, Reach::default(), &limits).expect("within limits");
@@ -68,13 +63,15 @@ fn main() {
             (plan, steps)
         });
     }
-    for (name, task, horizon) in [("blocksworld-4", blocksworld(4), 7), ("gripper-2", gripper(2), 7)] {
+    for (name, task, horizon) in
+        [("blocksworld-4", blocksworld(4).grounded(), 7), ("gripper-2", gripper(2).grounded(), 7)]
+    {
         best(&format!("{name}, T = {horizon}, building"), "sets", || {
             let build = |_| PlanSet::new(task.clone(), horizon, Semantics::FirstGoal, &limits).expect("within limits");
             ((0..1000).map(build).map(|set| set.counts().len()).sum::<usize>(), 1000)
         });
     }
-    let task = evening();
+    let task = evening().grounded();
     best("evening, count of 858,375,000 at T = 8", "plans", || {
         let set = PlanSet::new(task.clone(), 8, Semantics::Any, &limits).expect("within limits");
         assert_eq!(set.count(), BigUint::from(858_375_000u32));
@@ -82,13 +79,13 @@ fn main() {
     });
     for semantics in [Semantics::FirstGoal, Semantics::Simple] {
         best(&format!("gripper-4, T = 13, {}", semantics.name()), "plans", || {
-            let set = PlanSet::new(gripper(4), 13, semantics, &limits).expect("within limits");
+            let set = PlanSet::new(gripper(4).grounded(), 13, semantics, &limits).expect("within limits");
             let plans = set.plans_flat(BigUint::default()..set.count(), &limits).expect("within limits");
             let count = plans.len();
             (plans, count)
         });
     }
-    let set = PlanSet::new(gripper(8), 23, Semantics::FirstGoal, &limits).expect("within limits");
+    let set = PlanSet::new(gripper(8).grounded(), 23, Semantics::FirstGoal, &limits).expect("within limits");
     println!("gripper-8, T = 23: {} plans", set.count());
     let some = BigUint::default()..BigUint::from(10_000_000u32);
     best("gripper-8, T = 23, listing", "plans", || {
@@ -96,7 +93,7 @@ fn main() {
         let count = plans.len();
         (plans, count)
     });
-    let set = PlanSet::new(evening(), 8, Semantics::FirstGoal, &limits).expect("within limits");
+    let set = PlanSet::new(evening().grounded(), 8, Semantics::FirstGoal, &limits).expect("within limits");
     best("evening, T = 8, listing", "plans", || {
         let plans = set.plans_flat(some.clone(), &limits).expect("within limits");
         let count = plans.len();

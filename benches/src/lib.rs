@@ -8,6 +8,11 @@ pub mod logistics;
 pub mod pipeline;
 pub mod survey;
 
+use std::sync::Arc;
+
+use strips_core::pddl::{Source, parse_domain, parse_problem};
+use strips_core::task::{Limits, Task, ground};
+
 /// A domain and a problem as PDDL text.
 #[derive(Clone, Debug)]
 pub struct Pddl {
@@ -31,6 +36,29 @@ impl Pddl {
         );
         Self { name, domain: domain.to_owned(), problem }
     }
+}
+
+impl Pddl {
+    /// The grounded task.
+    ///
+    /// # Panics
+    /// When the text is wrong.
+    pub fn grounded(&self) -> Arc<Task> {
+        let source = |text: &str| Source::from_bytes(self.name.as_str(), text.as_bytes().to_vec()).expect("UTF-8");
+        let domain = parse_domain(&source(&self.domain)).expect("the domain is right");
+        let problem = parse_problem(&source(&self.problem), &domain, None).expect("the problem is right");
+        Arc::new(ground(Arc::new(domain), Arc::new(problem), &Limits::default()).expect("within limits"))
+    }
+}
+
+/// Time that this process's threads have had a processor; not a number where the system does not tell.
+pub fn processor_seconds() -> f64 {
+    let Ok(threads) = std::fs::read_dir("/proc/self/task") else { return f64::NAN };
+    let nanoseconds = |thread: std::fs::DirEntry| -> Option<f64> {
+        let text = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
+        text.split_whitespace().next()?.parse().ok()
+    };
+    threads.flatten().filter_map(nanoseconds).sum::<f64>() / 1e9
 }
 
 /// The tasks that grounding is measured on: one of each kind, small (some thousand operators) and large (some 100,000).
