@@ -38,7 +38,7 @@ fn swapped(texts: &[String]) -> Vec<String> {
 }
 
 fn bench(criterion: &mut Criterion) {
-    let task = gripper(4);
+    let task = gripper(4).grounded();
     let plans = PlanSet::new(task.clone(), 11, Semantics::FirstGoal, &Limits::default()).expect("a small set");
     let drawn = plans.sample(PLANS, 1, true, &Limits::default()).expect("there are plans");
     let offsets: Vec<i64> = drawn.offsets.iter().map(|&offset| offset.cast_signed()).collect();

@@ -15,7 +15,7 @@ use crate::random_task::random_task;
 pub const ALL: [Semantics; 3] = [Semantics::FirstGoal, Semantics::Any, Semantics::Simple];
 
 fn config() -> ProptestConfig {
-    let tasks = std::env::var("STRIPS_TASKS").ok().and_then(|text| text.parse().ok()).unwrap_or(2000);
+    let tasks = std::env::var("STRIPS_LM_TASKS").ok().and_then(|text| text.parse().ok()).unwrap_or(2000);
     ProptestConfig { cases: tasks, failure_persistence: None, ..ProptestConfig::default() }
 }
 

@@ -1,6 +1,6 @@
 //! The plan set against a naive enumerator, on random tasks and on hand-built ones.
 //!
-//! `STRIPS_TASKS=100000 cargo test --release -p strips-core --test search` is the long run; the normal one has 2,000 tasks.
+//! `STRIPS_LM_TASKS=100000 cargo test --release -p strips-core --test search` is the long run; the normal one has 2,000 tasks.
 
 mod laws;
 mod naive;
