@@ -5,16 +5,20 @@
 mod common;
 
 use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
 
 use common::naive::{Atoms, Naive};
 use common::random_task::{Features, all_operators, random_task};
 use proptest::prelude::*;
+use strips_core::pddl::ast::{Object, ObjectId, TypeId};
+use strips_core::pddl::{Source, parse_domain, parse_problem, print_domain, print_problem};
+use strips_core::span::Span;
 use strips_core::task::{FactId, Limits, State, Task, ground};
 
-const MOST_STATES: usize = 60;
+const MOST_STATES: usize = 20;
 
-fn tasks() -> u32 {
-    std::env::var("STRIPS_LM_TASKS").ok().and_then(|tasks| tasks.parse().ok()).unwrap_or(1000)
+fn cases() -> u32 {
+    std::env::var("STRIPS_LM_TASKS").ok().and_then(|tasks| tasks.parse().ok()).unwrap_or(300)
 }
 
 /// Explores by the naive meaning and asserts that the task agrees at every step.
@@ -29,10 +33,11 @@ fn agree(seed: u64, features: Features) {
     while let Some(atoms) = queue.pop_front() {
         let state = seen[&atoms].clone();
         assert_same_state(&naive, &task, &atoms, &state);
+        let full = naive.with_derived(&atoms);
         for (action, args) in &operators {
             let operator = task.operator(*action, args).map(|id| &task.operators[id.index()]);
             let operator = operator.filter(|operator| operator.applicable(&state));
-            let expected = naive.apply(*action, args, &atoms);
+            let expected = naive.apply_in(*action, args, &atoms, &full);
             assert_eq!(operator.is_some(), expected.is_some(), "applicability of {action:?} {args:?} in {atoms:?}");
             let (Some(operator), Some(next)) = (operator, expected) else { continue };
             let next_state = task.apply(operator, &state);
@@ -71,11 +76,43 @@ fn assert_orders(task: &Task) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: tasks(), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: cases(), failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn grounding_keeps_the_meaning_of_strips_tasks(seed: u64) {
         agree(seed, Features::STRIPS);
+    }
+
+    #[test]
+    fn a_printed_task_parses_and_grounds_to_the_same(seed: u64) {
+        let (domain, problem) = random_task(seed, Features::ADL);
+        let source = Source::new("domain", print_domain(&domain));
+        let again = parse_domain(&source).map_err(|error| TestCaseError::fail(error.to_string()))?;
+        let text = print_problem(&problem, &domain);
+        let problem_again = parse_problem(&Source::new("problem", text), &again, Some(&source))
+            .map_err(|error| TestCaseError::fail(error.to_string()))?;
+        let limits = Limits::default();
+        let task = ground(domain, problem, &limits).expect("within limits");
+        let other = ground(Arc::new(again), Arc::new(problem_again), &limits).expect("within limits");
+        prop_assert_eq!((&task.facts, &task.static_facts, &task.init), (&other.facts, &other.static_facts, &other.init));
+        prop_assert_eq!((&task.operators, &task.axioms, &task.goal), (&other.operators, &other.axioms, &other.goal));
+    }
+
+    #[test]
+    fn an_object_that_nothing_mentions_changes_no_other_operator(seed: u64) {
+        let (domain, problem) = random_task(seed, Features::STRIPS);
+        let mut wider = (*problem).clone();
+        wider.objects.push(Object { name: "idle".into(), types: vec![TypeId::OBJECT], span: Span::default() });
+        let idle = ObjectId::from(problem.objects.len());
+        let limits = Limits::default();
+        let task = ground(domain.clone(), problem, &limits).expect("within limits");
+        let wider = ground(domain, Arc::new(wider), &limits).expect("within limits");
+        for operator in &task.operators {
+            prop_assert!(wider.operator(operator.action, &operator.args).is_some(), "{:?} is lost", operator);
+        }
+        for fact in &task.facts {
+            prop_assert!(!fact.args.contains(&idle) && wider.fact(fact).is_some(), "{:?} is lost", fact);
+        }
     }
 
     #[test]

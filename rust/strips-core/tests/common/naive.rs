@@ -108,13 +108,17 @@ impl Naive<'_> {
 
     /// The state after the action, if it is applicable.
     pub fn apply(&self, action: ActionId, args: &[ObjectId], atoms: &Atoms) -> Option<Atoms> {
-        let full = self.with_derived(atoms);
+        self.apply_in(action, args, atoms, &self.with_derived(atoms))
+    }
+
+    /// The same, where the derived atoms are known already.
+    pub fn apply_in(&self, action: ActionId, args: &[ObjectId], atoms: &Atoms, full: &Atoms) -> Option<Atoms> {
         let action = &self.domain.actions[action.index()];
-        if !self.holds(&action.precondition, args, &full) {
+        if !self.holds(&action.precondition, args, full) {
             return None;
         }
         let (mut adds, mut deletes) = (Atoms::new(), Atoms::new());
-        self.collect(&action.effect, args, &full, &mut adds, &mut deletes);
+        self.collect(&action.effect, args, full, &mut adds, &mut deletes);
         Some(atoms.difference(&deletes).cloned().chain(adds).collect())
     }
 

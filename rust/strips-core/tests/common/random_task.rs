@@ -129,7 +129,7 @@ impl Maker {
         let derived: Vec<usize> =
             (0..self.domain.predicates.len()).filter(|&p| self.domain.predicates[p].derived).collect();
         for &predicate in &derived {
-            for _ in 0..1 + self.random.below(2) {
+            for _ in 0..=self.random.below(2) {
                 let parameters = self.domain.predicates[predicate].parameters.clone();
                 self.variables = parameters.iter().map(|parameter| parameter.types.clone()).collect();
                 let mut parts = vec![self.condition(2, predicate)];
@@ -189,9 +189,8 @@ impl Maker {
             3
         };
         match self.random.below(kinds) {
-            0 => self.literal(end),
             1 if self.random.chance(0.3) => self.equality(),
-            1 => self.literal(end),
+            0 | 1 => self.literal(end),
             2 => Condition::And(self.conditions(depth, end)),
             3 => Condition::Or(self.conditions(depth, end)),
             4 => Condition::Not(Box::new(self.condition(depth - 1, end))),
@@ -241,12 +240,12 @@ impl Maker {
     }
 
     fn actions(&mut self) {
-        for index in 0..1 + self.random.below(self.features.actions) {
+        for index in 0..=self.random.below(self.features.actions) {
             let parameters = self.parameters("x", 3);
             self.variables = parameters.iter().map(|parameter| parameter.types.clone()).collect();
             let end = self.domain.predicates.len();
             let parts = (0..self.random.below(3)).map(|_| self.condition(2, end)).collect();
-            let effect = Effect::And((0..1 + self.random.below(4)).map(|_| self.effect(2)).collect());
+            let effect = Effect::And((0..=self.random.below(4)).map(|_| self.effect(2)).collect());
             self.domain.actions.push(Action {
                 name: format!("a{index}"),
                 parameters,
@@ -290,13 +289,13 @@ impl Maker {
 
     fn problem(&mut self) -> Problem {
         let mut objects = self.domain.constants.clone();
-        for n in 0..1 + self.random.below(self.features.objects) {
+        for n in 0..=self.random.below(self.features.objects) {
             objects.push(Object { name: format!("o{n}"), types: self.some_types(), span: Span::default() });
         }
         let init = self.init(&objects);
         self.variables.clear();
         let end = self.domain.predicates.len();
-        let goal = Condition::And((0..1 + self.random.below(2)).map(|_| self.condition(2, end)).collect());
+        let goal = Condition::And((0..=self.random.below(2)).map(|_| self.condition(2, end)).collect());
         Problem {
             name: "random".into(),
             objects,
