@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from strips_lm.cli import COMMANDS
+
 SHORTEST = "(pick red table)\n(put red shelf)\n"
 
 
@@ -155,7 +157,9 @@ def test_a_limit_is_exit_3(cli, cups):
     assert result.err.startswith("error: ")
 
 
-@pytest.mark.parametrize("argv", [["--help"], ["--version"], ["plans", "--help"], ["validate", "--help"], ["gen-data", "--help"]])
+@pytest.mark.parametrize(
+    "argv", [["--help"], ["--version"], ["plans", "--help"], ["validate", "--help"], ["gen-data", "--help"]]
+)
 def test_help_is_an_answer(cli, argv):
     result = cli(*argv)
     assert (result.code, result.err) == (0, "")
@@ -190,7 +194,9 @@ def test_ctrl_c_is_answered_at_once_with_exit_130(tmp_path):
     assert (process.returncode, out, err) == (130, "", "interrupted\n")
 
 
-@pytest.mark.parametrize("argv", [["--help"], ["plans", "DOMAIN", "PROBLEM", "--count"], ["validate", "--help"], ["gen-data", "--help"]])
+@pytest.mark.parametrize(
+    "argv", [["--help"], ["plans", "DOMAIN", "PROBLEM", "--count"], ["validate", "--help"], ["gen-data", "--help"]]
+)
 def test_the_oracle_answers_in_300_ms_without_importing_torch(cups, argv):
     argv = [{"DOMAIN": str(cups.domain), "PROBLEM": str(cups.problem)}.get(arg, arg) for arg in argv]
     code = f"import sys; from strips_lm.cli import main; main({argv!r}); sys.exit('torch' in sys.modules)"

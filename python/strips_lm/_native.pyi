@@ -425,7 +425,7 @@ class CanonicalCodec:
         goal_styles: Sequence[str] | None = None,
         domains: Sequence[int] | None = None,
     ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], list[Legend]]:
-        """As `encode`, with ids for words: (ids, where each row starts and the total, words of each prompt, legends)."""
+        """As `encode`, with ids for words: (ids, row starts and the total, words of each prompt, legends)."""
     def decode(self, rows: Sequence[str], legends: Sequence[Legend]) -> list[str]:
         """The texts of rows of words; never fails. What makes no sense is written as its bare words."""
     def decode_completions(
@@ -492,9 +492,7 @@ class MaskedDecoder:
     is to be fed to the model in one go. No operator that leads back to a state already visited is allowed.
     """
 
-    def __new__(
-        cls, codec: CanonicalCodec, vocabulary: Sequence[str], *, stop_at_goal: bool = True
-    ) -> MaskedDecoder:
+    def __new__(cls, codec: CanonicalCodec, vocabulary: Sequence[str], *, stop_at_goal: bool = True) -> MaskedDecoder:
         """A decoder without rows; `vocabulary` are the model's tokens by id.
 
         With `stop_at_goal` the end is the only token where the goal holds; else a plan may also go on there.
@@ -502,7 +500,7 @@ class MaskedDecoder:
     def add(
         self, tasks: Sequence[Task], legends: Sequence[Legend], names: Sequence[Sequence[str]] | None = None
     ) -> tuple[int, list[list[int]]]:
-        """Begins a row for each task and the legend of its prompt; the first row's number, and the tokens forced in each.
+        """Begins a row for each task and its legend; the first row's number, and the tokens forced in each.
 
         `names` are the prompt's names of the task's objects where they are not the problem's own.
 

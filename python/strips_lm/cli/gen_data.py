@@ -87,7 +87,9 @@ class Progress:
         rate = done / seconds
         left = (total - done) / rate if rate else 0.0
         filled = 30 * done // max(total, 1)
-        self._write(f"[{'█' * filled}{'·' * (30 - filled)}] {done:,}/{total:,} records, {rate:,.0f}/s, {left:.0f} s left")
+        self._write(
+            f"[{'█' * filled}{'·' * (30 - filled)}] {done:,}/{total:,} records, {rate:,.0f}/s, {left:.0f} s left"
+        )
 
     def finish(self, line: str) -> None:
         """Replaces the bar by a last line."""

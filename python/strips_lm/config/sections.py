@@ -16,6 +16,7 @@ def check(holds: bool, complaint: str) -> None:
     if not holds:
         raise ConfigError(complaint)
 
+
 NEGATIVES = (
     "shuffle-actions",
     "shuffle-states",

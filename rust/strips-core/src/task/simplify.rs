@@ -156,7 +156,7 @@ impl Simplifier<'_> {
     fn count(&self, frame: &mut Frame, is_kept: bool) -> Result<(), LimitError> {
         frame.parts += 1;
         frame.held += if is_kept { BYTES_PER_PART } else { 0 };
-        if frame.parts % PARTS_PER_CHECK == 0 {
+        if frame.parts.is_multiple_of(PARTS_PER_CHECK) {
             self.watch.check()?;
             self.watch.bytes(self.bytes.load(Ordering::Relaxed) + frame.held)?;
         }

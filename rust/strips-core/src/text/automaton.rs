@@ -138,7 +138,9 @@ impl SpokenTask {
             }
         }
         atoms.sort_unstable();
-        atoms.into_iter().for_each(|atom| self.say(sign, atom, words));
+        for atom in atoms {
+            self.say(sign, atom, words);
+        }
     }
 
     fn say(&self, sign: Sign, atom: Packed, words: &mut Vec<Word>) {
