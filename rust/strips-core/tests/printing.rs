@@ -109,7 +109,7 @@ fn nesting_up_to_the_cap_is_handled_on_an_ordinary_stack() {
 
 #[test]
 fn a_long_chain_of_types_is_no_deep_recursion() {
-    let chain: String = (1..20_000).map(|n| format!("t{n} - t{} ", n - 1)).collect();
+    let chain = (1..20_000).map(|n| format!("t{n} - t{}", n - 1)).collect::<Vec<_>>().join(" ");
     let text = format!(
         "(define (domain d) (:types t0 - object {chain}) (:constants c - t19999) (:predicates (p ?x - t0) (q ?x - t19999))
          (:action a :precondition (p c) :effect (q c)))"

@@ -53,10 +53,10 @@ fn naive_verdict(naive: &Naive, plan: &[Step]) -> (Outcome, Option<usize>, Atoms
             None => return (Outcome::Inapplicable, Some(index + 1), atoms),
         }
     }
-    match naive.is_goal(&atoms) {
-        true => (Outcome::Valid, None, atoms),
-        false => (Outcome::GoalNotReached, Some(plan.len() + 1), atoms),
+    if naive.is_goal(&atoms) {
+        return (Outcome::Valid, None, atoms);
     }
+    (Outcome::GoalNotReached, Some(plan.len() + 1), atoms)
 }
 
 fn assert_evidence(naive: &Naive, verdict: &Verdict, atoms: &Atoms) {
