@@ -12,8 +12,8 @@ pub struct Hints<'a> {
     /// The word for each action.
     pub words: Option<&'a [String]>,
     /// Whether the goal is a whole state. Without it that is guessed, as the text does not say: whole is a goal without
-    /// negative literals, at least half as long as the initial state, that has an atom of it, all of its static atoms
-    /// and more than half of its predicates.
+    /// negative literals, in the order of predicates, with all static atoms and two fifths of the predicates of the
+    /// initial state, and half as long as that; three quarters as long if they have no atom in common.
     pub goal_style: Option<GoalStyle>,
 }
 

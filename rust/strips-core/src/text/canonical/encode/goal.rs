@@ -82,15 +82,18 @@ impl<'t> Encoder<'_, 't, '_> {
         }
     }
 
+    /// The guess of [`super::super::Hints::goal_style`].
     fn looks_whole(&self, goal: &[Packed], init: &[Packed]) -> bool {
         let is_static = |atom: &Packed| !self.signature.predicates[usize::from(atom.predicate())].fluent;
         let mut predicates: Vec<u16> = init.iter().map(|atom| atom.predicate()).collect();
         predicates.sort_unstable();
         predicates.dedup();
         let named = predicates.iter().filter(|&&p| goal.iter().any(|atom| atom.predicate() == p)).count();
-        2 * goal.len() >= init.len()
-            && 2 * named >= predicates.len() + usize::from(!predicates.is_empty())
-            && (init.is_empty() || init.iter().any(|atom| goal.contains(atom)))
+        let shares = init.is_empty() || init.iter().any(|atom| goal.contains(atom));
+        goal.is_sorted_by_key(|atom| atom.predicate())
+            && 2 * goal.len() >= init.len()
+            && 5 * named >= 2 * predicates.len()
+            && (shares || 4 * goal.len() >= 3 * init.len())
             && init.iter().all(|atom| !is_static(atom) || goal.contains(atom))
     }
 }
