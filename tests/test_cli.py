@@ -157,9 +157,7 @@ def test_a_limit_is_exit_3(cli, cups):
     assert result.err.startswith("error: ")
 
 
-@pytest.mark.parametrize(
-    "argv", [["--help"], ["--version"], ["plans", "--help"], ["validate", "--help"], ["gen-data", "--help"]]
-)
+@pytest.mark.parametrize("argv", [["--help"], ["--version"], *([name, "--help"] for name in COMMANDS)])
 def test_help_is_an_answer(cli, argv):
     result = cli(*argv)
     assert (result.code, result.err) == (0, "")
