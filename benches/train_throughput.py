@@ -1,0 +1,183 @@
+"""Tokens per second of training: our loop's step against the plain path, in one run, on one data set.
+
+The plain path is what a user would write first: transformers' `Trainer` on `GPT2DoubleHeadsModel`, pairs of rows padded
+to the longest of the batch, float32, AdamW. Both count tokens without padding, prompts and both completions.
+
+On a machine that others use too, compare the tokens per CPU-second of one thread (`OMP_NUM_THREADS=1`).
+
+    python benches/train_throughput.py [--preset tiny] [--seconds 20] [--data DIR] [--plain-batch 16]
+
+Without `--data`, token arrays are drawn with the lengths of the manipulation domain's canonical records. On a machine
+with a GPU both run on it, and the share of the peak that the model's flops reach is printed (6 flops a parameter and
+token, plus 12 * layers * width * length / 2 for causal attention, over `--peak` teraflops).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from transformers import Trainer, TrainingArguments
+
+from strips_lm.batches import Dress, Plan, build_step, walk
+from strips_lm.config import RunConfig
+from strips_lm.dataset import PlanDataset, Ragged, open_split, texts
+from strips_lm.loss import weighted
+from strips_lm.model import make_model
+from strips_lm.muon import make_optimizer
+from strips_lm.objective import Objective, compute_type
+from strips_lm.tokenizer import make
+
+VOCABULARY = 96
+
+
+@dataclass
+class Vocabulary:
+    """The part of a tokenizer that a model is made for."""
+
+    vocab_size: int = VOCABULARY
+    start_id: int = 1
+    end_id: int = 0
+
+
+def drawn_data(records: int = 4096) -> PlanDataset:
+    """Random tokens with the lengths of real records: prompts of about 55, completions of about 55."""
+    rng = np.random.default_rng(0)
+
+    def ragged() -> Ragged:
+        lengths = np.clip(rng.normal(55, 20, records), 8, 200).astype(np.int64)
+        tokens = rng.integers(2, VOCABULARY, int(lengths.sum())).astype(np.uint16)
+        return Ragged(tokens, np.concatenate(([0], np.cumsum(lengths))))
+
+    every = np.arange(records)
+    return PlanDataset(ragged(), ragged(), ragged(), every, np.zeros(records), every, 0, (0, 0))
+
+
+def ours(config: RunConfig, data: PlanDataset, vocabulary, seconds: float, share: float) -> dict[str, float]:
+    """Tokens a second of the loop's own step, batches built as it goes."""
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    train = config.train
+    model = make_model(config.model, vocabulary, 0).to(device)
+    objective = Objective(model, compute_type(train.precision, model, device)).train()
+    optimizer = make_optimizer(model, train)
+    plan, dress = Plan(train.step_tokens, 0, train.batch_tokens), Dress(share, offset=train.position_offset)
+    seen, start, work = 0, time.monotonic(), time.process_time()
+    for number, records in walk(data, plan, 0):
+        step = build_step(data, records, plan, dress, (0, number))
+        for batch in step.batches:
+            losses = objective(batch.to(device))
+            weighted(losses, step.tokens, step.pairs, 1.0, 2.0).backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimizer.step()
+        optimizer.zero_grad()
+        if number == 2:  # the first steps warm the allocator and the kernels
+            seen, start, work = 0, time.monotonic(), time.process_time()
+        seen += step.seen
+        if number > 2 and time.monotonic() - start > seconds:
+            break
+    float(losses.lm)
+    rates = {"tokens_per_second": seen / (time.monotonic() - start)}
+    return {**rates, "tokens_per_cpu_second": seen / (time.process_time() - work), "parameters": model.num_parameters()}
+
+
+class PlainTrainer(Trainer):
+    """Adds the multiple-choice loss, which `GPT2DoubleHeadsModel` returns apart."""
+
+    def compute_loss(self, model, inputs, return_outputs=False, num_items_in_batch=None):
+        del num_items_in_batch
+        out = model(**inputs)
+        loss = out.loss + 2.0 * out.mc_loss
+        return (loss, out) if return_outputs else loss
+
+
+def plain_collate(rows):
+    """(batch, 2, length) rows padded on the right; labels on the positive's completion."""
+    length = max(len(ids) for pair in rows for _, ids in pair)
+    ids = torch.zeros(len(rows), 2, length, dtype=torch.long)
+    labels = torch.full_like(ids, -100)
+    last = torch.zeros(len(rows), 2, dtype=torch.long)
+    for index, pair in enumerate(rows):
+        for choice, (prompt, tokens) in enumerate(pair):
+            ids[index, choice, : len(tokens)] = torch.from_numpy(tokens)
+            last[index, choice] = len(tokens) - 1
+            if choice == 0:
+                labels[index, choice, prompt : len(tokens)] = ids[index, choice, prompt : len(tokens)]
+    choice_labels = torch.zeros(len(rows), dtype=torch.long)
+    return {"input_ids": ids, "labels": labels, "mc_token_ids": last, "mc_labels": choice_labels}
+
+
+def plain(config: RunConfig, data: PlanDataset, vocabulary, seconds: float, batch: int) -> dict[str, float]:
+    """Tokens a second of transformers' Trainer."""
+    rows = []
+    for record in np.random.default_rng(1).permutation(data.kept):
+        prompt = data.prompts[record].astype(np.int64)
+        both = (data.positives[record], data.negatives[record])
+        rows.append([(len(prompt), np.concatenate((prompt, part.astype(np.int64)))) for part in both])
+    model = make_model(config.model, vocabulary, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        steps = max(3, int(seconds / _seconds_a_step(model, rows[:batch])))
+        arguments = TrainingArguments(
+            folder, per_device_train_batch_size=batch, max_steps=steps, report_to=[], logging_steps=10**6,
+            save_strategy="no", remove_unused_columns=False, disable_tqdm=True,
+        )
+        trainer = PlainTrainer(model, arguments, train_dataset=rows, data_collator=plain_collate)
+        start, work = time.monotonic(), time.process_time()
+        trainer.train()
+        took, worked = time.monotonic() - start, time.process_time() - work
+    tokens = np.mean([sum(len(ids) for _, ids in pair) for pair in rows])
+    seen = float(tokens * batch * steps)
+    return {"tokens_per_second": seen / took, "tokens_per_cpu_second": seen / worked}
+
+
+def _seconds_a_step(model, rows) -> float:
+    model.train()
+    start = time.monotonic()
+    for _ in range(2):
+        start = time.monotonic()
+        out = model(**plain_collate(rows))
+        (out.loss + out.mc_loss).backward()
+    model.zero_grad()
+    return time.monotonic() - start
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--preset", default="tiny")
+    parser.add_argument("--set", dest="overrides", action="append", default=[])
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--plain-batch", type=int, default=16)
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--peak", type=float, default=989.0, help="teraflops of the GPU (an H100's or H200's in bfloat16)")
+    args = parser.parse_args()
+    config = RunConfig.load(args.preset, args.overrides)
+    vocabulary, data = Vocabulary(), drawn_data()
+    if args.data:
+        vocabulary = make(config.tokenizer, args.data, texts(args.data))
+        data = open_split(args.data, "train", vocabulary, config.model.context, config.train.position_offset)
+    found = {
+        "preset": args.preset,
+        "threads": torch.get_num_threads(),
+        "device": torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu",
+        "mean_length": float(data.lengths[data.kept].mean()),
+        "ours_all_negatives": ours(config, data, vocabulary, args.seconds, 1.0),
+        "ours_positives_only": ours(config, data, vocabulary, args.seconds, 0.0),
+        "plain": plain(config, data, vocabulary, args.seconds, args.plain_batch),
+    }
+    for unit in ("tokens_per_second", "tokens_per_cpu_second"):
+        found[f"ratio_{unit}"] = found["ours_all_negatives"][unit] / found["plain"][unit]
+    if torch.cuda.is_available():
+        attention = 6 * config.model.layers * config.model.width * found["mean_length"]
+        speed = found["ours_positives_only"]
+        flops = speed["tokens_per_second"] * (6 * speed["parameters"] + attention)
+        found["flops_share"] = flops / (args.peak * 1e12)
+    print(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()
