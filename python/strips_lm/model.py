@@ -152,6 +152,6 @@ def _lstm_config(config: ModelConfig, tokenizer: PlanTokenizer) -> LstmConfig:
 
 @torch.no_grad()
 def _start_from_sinusoids(model: Any) -> None:
-    """Learned positions start as sinusoids with the spread of the other embeddings."""
+    """Learned positions start as sinusoids of four times the spread of the other embeddings (docs/experiments.md)."""
     table = model.transformer.wpe.weight
-    table.copy_(sinusoids(*table.shape) * (2**0.5 * model.config.initializer_range))
+    table.copy_(sinusoids(*table.shape) * (4.0 * 2**0.5 * model.config.initializer_range))
