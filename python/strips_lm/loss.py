@@ -45,11 +45,17 @@ def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -
     hidden = _hidden(model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype)
     lm = _lm_sum(model, hidden[:tokens], batch.lm_labels)
     if pairs == 0:
-        return Losses(lm, lm.new_zeros(()), tokens, 0, lm.new_zeros(()))
+        return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()))
     logits = model.multiple_choice_head.summary(hidden[tokens:].to(_weight_type(model))).view(pairs, -1)
     mc = F.cross_entropy(logits, batch.mc_labels, reduction="sum")
     right = (logits.argmax(dim=-1) == batch.mc_labels).sum()
     return Losses(lm, mc, tokens, pairs, right)
+
+
+def _idle_head(model: Any, lm: Tensor) -> Tensor:
+    """Zero, by way of the second head where there is one: data-parallel wrappers wait for every parameter's gradient."""
+    head = getattr(model, "multiple_choice_head", None)
+    return lm.new_zeros(()) if head is None else 0.0 * sum(weight.sum() for weight in head.parameters())
 
 
 def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float, mc_weight: float) -> Tensor:

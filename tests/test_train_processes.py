@@ -1,0 +1,44 @@
+"""Two CPU processes (gloo) train as one does with the same global batch."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+
+import blocks_data
+import pytest
+from test_train import config
+
+SETTINGS = ("model.dropout=0.0", "train.precision=float32", "train.optimizer=adam")
+
+
+def start(data, out, run, rank, world, port):
+    env = {**os.environ, "OMP_NUM_THREADS": "1", "ACCELERATE_USE_CPU": "true"}
+    if world > 1:
+        env |= {"RANK": str(rank), "LOCAL_RANK": str(rank), "WORLD_SIZE": str(world)}
+        env |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
+    command = [sys.executable, "-m", "strips_lm", "train", str(data), "--out", str(out), "--preset", str(run)]
+    return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+@pytest.mark.slow
+def test_two_processes_have_the_loss_curve_of_one(tmp_path):
+    data = blocks_data.write(tmp_path / "data")
+    run = tmp_path / "given.toml"
+    config("double-head", 20, *SETTINGS).save(run)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    for world in (1, 2):
+        processes = [start(data, tmp_path / str(world), run, rank, world, port) for rank in range(world)]
+        texts = [process.communicate(timeout=300)[0] for process in processes]
+        assert [process.returncode for process in processes] == [0] * world, "\n".join(texts)
+    curves = [
+        [json.loads(line) for line in (tmp_path / world / "metrics.jsonl").read_text().splitlines()]
+        for world in ("1", "2")
+    ]
+    assert len(curves[0]) == len(curves[1])
+    for one, two in zip(*curves, strict=True):
+        assert two["lm_loss"] == pytest.approx(one["lm_loss"], rel=2e-4)
+        assert two.get("mc_loss") == pytest.approx(one.get("mc_loss"), rel=2e-4)
