@@ -61,9 +61,11 @@ pub fn processor_seconds() -> f64 {
     threads.flatten().filter_map(nanoseconds).sum::<f64>() / 1e9
 }
 
-/// The tasks that grounding is measured on: one of each kind, small (some thousand operators) and large (some 100,000).
+/// The tasks that grounding is measured on: a tiny one of the kind
+/// that data sets are made of, and of each kind a small one (some thousand operators) and a large one (some 100,000).
 pub fn grounding_suite() -> Vec<Pddl> {
     vec![
+        kitchen(),
         logistics::generate(4, 4, 2, 20, 1),
         logistics::generate(16, 9, 8, 120, 1),
         survey::generate(4, 20, 8, 6, 1),
@@ -71,4 +73,17 @@ pub fn grounding_suite() -> Vec<Pddl> {
         pipeline::generate(5, 12, 1),
         pipeline::generate(10, 60, 1),
     ]
+}
+
+/// The manipulation domain with five movable things.
+fn kitchen() -> Pddl {
+    let domain = include_str!("../../python/strips_lm/domains/manipulation/domain.pddl");
+    let strings = |parts: &[&str]| parts.iter().map(|&part| part.to_owned()).collect::<Vec<_>>();
+    let objects = ["shelf - fixture", "pot - vessel", "crate - container", "tongs - tool", "cup plum - movable"];
+    let init = [
+        "(inworkspace table) (inworkspace pot) (inworkspace crate) (inworkspace tongs) (inworkspace cup)",
+        "(on pot shelf) (on crate table) (on tongs table) (on cup shelf) (on plum table)",
+    ];
+    let goal = ["(on cup pot)", "(on pot table)", "(opened pot)"];
+    Pddl::new("kitchen-5".to_owned(), domain, &strings(&objects), &strings(&init), &strings(&goal))
 }

@@ -113,9 +113,9 @@ impl Program {
     /// Adds a condition to the rule's body.
     fn require(&mut self, rule: &mut Rule, condition: &Normal) {
         match condition {
+            _ if self.is_always_possible(condition) => {}
             Normal::And(parts) => parts.iter().for_each(|part| self.require(rule, part)),
             Normal::Literal(pattern, true) => rule.body.push(pattern.clone()),
-            Normal::Literal(pattern, false) if self.growing[pattern.relation] => {} // it may become false
             Normal::Literal(pattern, false) => rule.filters.push(Filter::Absent(pattern.clone())),
             Normal::Equal(left, right, wanted) => rule.filters.push(Filter::Equal(*left, *right, *wanted)),
             Normal::Or(_) | Normal::Exists(_) if condition.free() == condition.binding() => {
@@ -123,6 +123,18 @@ impl Program {
                 rule.body.push(guard);
             }
             Normal::Or(_) | Normal::Exists(_) | Normal::Forall(_) => rule.tests.push(condition.clone()),
+        }
+    }
+
+    /// Whether the condition can be true whatever is reached, as it only asks for atoms to be false that may become so.
+    fn is_always_possible(&self, condition: &Normal) -> bool {
+        match condition {
+            Normal::Literal(pattern, wanted) => !wanted && self.growing[pattern.relation],
+            Normal::Equal(..) => false,
+            Normal::And(parts) => parts.iter().all(|part| self.is_always_possible(part)),
+            Normal::Or(parts) => parts.iter().any(|part| self.is_always_possible(part)),
+            Normal::Forall(inner) => self.is_always_possible(&inner.body),
+            Normal::Exists(inner) => inner.is_inhabited() && self.is_always_possible(&inner.body),
         }
     }
 
