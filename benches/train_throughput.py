@@ -123,8 +123,14 @@ def plain(config: RunConfig, data: PlanDataset, vocabulary, seconds: float, batc
     with tempfile.TemporaryDirectory() as folder:
         steps = max(3, int(seconds / _seconds_a_step(model, rows[:batch])))
         arguments = TrainingArguments(
-            folder, per_device_train_batch_size=batch, max_steps=steps, report_to=[], logging_steps=10**6,
-            save_strategy="no", remove_unused_columns=False, disable_tqdm=True,
+            folder,
+            per_device_train_batch_size=batch,
+            max_steps=steps,
+            report_to=[],
+            logging_steps=10**6,
+            save_strategy="no",
+            remove_unused_columns=False,
+            disable_tqdm=True,
         )
         trainer = PlainTrainer(model, arguments, train_dataset=rows, data_collator=plain_collate)
         start, work = time.monotonic(), time.process_time()
@@ -153,7 +159,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--plain-batch", type=int, default=16)
     parser.add_argument("--data", type=Path)
-    parser.add_argument("--peak", type=float, default=989.0, help="teraflops of the GPU (an H100's or H200's in bfloat16)")
+    parser.add_argument("--peak", type=float, default=989.0, help="teraflops of the GPU (an H100's in bfloat16)")
     args = parser.parse_args()
     config = RunConfig.load(args.preset, args.overrides)
     vocabulary, data = Vocabulary(), drawn_data()

@@ -6,8 +6,9 @@ import socket
 import subprocess
 import sys
 
-import blocks_data
 import pytest
+
+import blocks_data
 from test_train import config
 
 SETTINGS = ("model.dropout=0.0", "train.precision=float32", "train.optimizer=adam")

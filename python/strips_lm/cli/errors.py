@@ -9,8 +9,6 @@ import sys
 import traceback
 
 from strips_lm import _native
-from strips_lm.cli.arguments import UsageError
-from strips_lm.config.names import ConfigError
 
 LEARNING = ("torch", "transformers", "accelerate", "tokenizers", "safetensors", "rich", "matplotlib")
 """What only the learning commands need."""
@@ -29,10 +27,8 @@ def _describe(error: BaseException) -> tuple[int, str]:
             return 130, "interrupted"
         case _native.LimitError() | MemoryError():
             return 3, f"error: {str(error) or 'out of memory'}\nhint: raise the limit, or ask for fewer steps"
-        case _native.PddlError() | _native.DataError() | ConfigError() | UsageError():
-            return 2, f"error: {error}"
         case ValueError() if type(error).__module__.startswith("strips_lm."):
-            return 2, f"error: {error}"  # of modules that import torch, so not named here
+            return 2, f"error: {error}"  # ours, and some are of modules that import torch, so none is named here
         case ModuleNotFoundError(name=str(name)) if name.partition(".")[0] in LEARNING:
             return 2, f"error: this command needs {name}\nhint: pip install {' '.join(LEARNING)}"
         case OSError(filename=str(name), strerror=str(reason)):
