@@ -24,6 +24,8 @@ COMMANDS = {
     "plans": "print or count all plans of a problem",
     "validate": "check plans against a problem, with the reason where one fails",
     "gen-data": "make a data set whose every label is proven",
+    "show": "make one record of a data set anew",
+    "verify-data": "prove a data set again from its files alone",
     "train": "train a model on a data set",
     "generate": "have a model write a plan for a problem, and the oracle check it",
     "evaluate": "score models on suites of problems",

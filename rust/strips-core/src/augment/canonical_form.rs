@@ -21,7 +21,7 @@ impl Structure {
     /// The same words for every structure isomorphic to this one, and for no other.
     pub fn canonical_form(&self) -> Vec<u32> {
         let mut best = None;
-        self.search(self.refine(self.initial_colours()), &mut best);
+        self.search(&self.refine(self.initial_colours()), &mut best);
         let mut form = best.expect("the search reaches a leaf");
         let mut colours = self.colours.clone();
         colours.sort_unstable();
@@ -63,9 +63,9 @@ impl Structure {
         occurrences.into_iter().enumerate().map(signature).collect()
     }
 
-    fn search(&self, colours: Vec<u32>, best: &mut Option<Vec<u32>>) {
-        let Some(cell) = first_smallest_shared(&colours) else {
-            let leaf = self.encode(&colours);
+    fn search(&self, colours: &[u32], best: &mut Option<Vec<u32>>) {
+        let Some(cell) = first_smallest_shared(colours) else {
+            let leaf = self.encode(colours);
             if best.as_ref().is_none_or(|known| leaf < *known) {
                 *best = Some(leaf);
             }
@@ -75,7 +75,7 @@ impl Structure {
         for &object in &cell {
             if !tried.iter().any(|&other| self.exchangeable(object, other)) {
                 tried.push(object);
-                self.search(self.refine(single_out(&colours, object)), best);
+                self.search(&self.refine(single_out(colours, object)), best);
             }
         }
     }

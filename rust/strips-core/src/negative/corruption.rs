@@ -124,8 +124,8 @@ fn corrupt(kind: Corruption, task: &Task, steps: &[Step], random: &mut Random) -
         Corruption::ShuffleActions => shuffled(steps, true, false, random),
         Corruption::ShuffleStates => shuffled(steps, false, true, random),
         Corruption::ShuffleBoth => shuffled(steps, true, true, random),
-        Corruption::DropStep => drop_step(steps, random),
-        Corruption::RepeatStep => repeat_step(steps, random),
+        Corruption::DropStep => Some(drop_step(steps, random)),
+        Corruption::RepeatStep => Some(repeat_step(steps, random)),
         Corruption::SwapSteps => swap_steps(steps, random),
         Corruption::WrongArgument => wrong_argument(task, steps, random),
         Corruption::MissingAtom => missing_atom(steps, random),
@@ -152,17 +152,17 @@ fn shuffled(steps: &[Step], actions: bool, states: bool, random: &mut Random) ->
     (steps.len() > 1).then(|| of_action.iter().zip(&of_state).map(step).collect())
 }
 
-fn drop_step(steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
+fn drop_step(steps: &[Step], random: &mut Random) -> Vec<Step> {
     let mut steps = steps.to_vec();
     steps.remove(random.below(steps.len()));
-    Some(steps)
+    steps
 }
 
-fn repeat_step(steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
+fn repeat_step(steps: &[Step], random: &mut Random) -> Vec<Step> {
     let mut steps = steps.to_vec();
     let at = random.below(steps.len());
     steps.insert(at, steps[at].clone());
-    Some(steps)
+    steps
 }
 
 fn swap_steps(steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {

@@ -154,6 +154,7 @@ impl RecordConfig {
     }
 
     /// Records of `validation`.
+    #[expect(clippy::cast_sign_loss, reason = "both factors are checked not to be negative")]
     pub fn validation_records(&self) -> u64 {
         (self.pairs as f64 * self.validation_share).round() as u64
     }

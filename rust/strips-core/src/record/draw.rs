@@ -3,7 +3,7 @@
 use super::config::RecordConfig;
 use super::shape::Shape;
 use super::splits::{Pools, Split};
-use super::table::{Batch, template_name};
+use super::table::{Batch, count, template_name};
 use crate::augment::Lexicon;
 use crate::negative::{Goal as WantedGoal, Negative, Step, draw_negative, trace};
 use crate::pddl::ast::{Domain, Object};
@@ -42,7 +42,7 @@ impl Book {
         let drawn = self.draw(split, &random);
         self.write_texts(&drawn, &mut random.fork("order"), batch);
         self.write_facts(&drawn, batch);
-        batch.index.push(index as i64);
+        batch.index.push(index.cast_signed());
         batch.seed.push(seed);
     }
 
@@ -112,15 +112,15 @@ impl Book {
         batch.plan.push(&self.ipc(&drawn.steps, &drawn.names));
         batch.negative_kind.push(negative.kind.name());
         batch.negative_verdict.push(negative.fault.kind.name());
-        batch.negative_step.push(negative.fault.step as i32);
-        batch.problem_id.push(drawn.id as i32);
+        batch.negative_step.push(count(negative.fault.step));
+        batch.problem_id.push(count(drawn.id));
         batch.names.push(&drawn.names);
         batch.words.push(&drawn.words);
         batch.template.push(template_name(shape.source, &self.templates));
         batch.style.push(drawn.style.name());
         batch.goal_style.push(shape.goal_style().name());
-        batch.steps.push(drawn.steps.len() as i32);
-        batch.optimal_steps.push(shape.shortest as i32);
+        batch.steps.push(count(drawn.steps.len()));
+        batch.optimal_steps.push(count(shape.shortest));
         batch.plan_count.push(&shape.plan_count.to_string());
     }
 

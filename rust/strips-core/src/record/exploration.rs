@@ -77,7 +77,9 @@ impl Exploration {
     pub fn shortest_plans(&self, states: &[usize], most: usize, random: &mut Random) -> Vec<Vec<OperatorId>> {
         let mut plans = Vec::new();
         if self.count(states) <= most as u128 {
-            states.iter().for_each(|&state| self.list(state, &mut Vec::new(), &mut plans));
+            for &state in states {
+                self.list(state, &mut Vec::new(), &mut plans);
+            }
         } else {
             plans.extend((0..most).map(|_| self.draw(states, random)));
         }

@@ -128,7 +128,9 @@ impl RecordStream {
         };
         let chunks: Vec<Batch> = starts.par_iter().map(chunk).collect();
         let mut whole = Batch::default();
-        chunks.iter().for_each(|chunk| whole.append(chunk));
+        for chunk in &chunks {
+            whole.append(chunk);
+        }
         whole
     }
 
@@ -155,7 +157,9 @@ impl RecordStream {
         };
         let parts: Vec<ProblemTable> = ids.par_chunks(CHUNK as usize).map(part).collect();
         let mut whole = ProblemTable::default();
-        parts.iter().for_each(|part| whole.append(part));
+        for part in &parts {
+            whole.append(part);
+        }
         whole
     }
 }

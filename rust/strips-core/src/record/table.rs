@@ -40,7 +40,8 @@ impl Texts {
 
     /// The text with this number.
     pub fn get(&self, index: usize) -> &str {
-        let bytes = &self.bytes[self.offsets[index] as usize..self.offsets[index + 1] as usize];
+        let place = |index: usize| usize::try_from(self.offsets[index]).expect("offsets are not negative");
+        let bytes = &self.bytes[place(index)..place(index + 1)];
         std::str::from_utf8(bytes).expect("only whole texts are added")
     }
 
@@ -69,12 +70,14 @@ impl Default for TextLists {
 impl TextLists {
     /// Adds one list.
     pub fn push<S: AsRef<str>>(&mut self, list: &[S]) {
-        list.iter().for_each(|text| self.texts.push(text.as_ref()));
-        self.offsets.push(self.texts.len() as i32);
+        for text in list {
+            self.texts.push(text.as_ref());
+        }
+        self.offsets.push(count(self.texts.len()));
     }
 
     fn append(&mut self, other: &Self) {
-        let base = self.texts.len() as i32;
+        let base = count(self.texts.len());
         self.texts.append(&other.texts);
         self.offsets.extend(other.offsets[1..].iter().map(|offset| base + offset));
     }
@@ -171,15 +174,20 @@ columns! {
 impl ProblemTable {
     pub(super) fn push(&mut self, id: usize, shape: &Shape, template: &str) {
         let problem = shape.problem(&format!("{template}-{id}"));
-        self.problem_id.push(id as i32);
+        self.problem_id.push(count(id));
         self.problem.push(&print_problem(&problem, &shape.task.domain));
         self.domain.push(&shape.task.domain.name);
         self.template.push(template);
-        self.num_objects.push(problem.objects.len() as i32);
+        self.num_objects.push(count(problem.objects.len()));
         self.canonical_hash.push(&format!("{:032x}", shape.hash));
-        self.shortest.push(shape.shortest as i32);
+        self.shortest.push(count(shape.shortest));
         self.goal_style.push(shape.goal_style().name());
     }
+}
+
+/// A number of things as a column holds it.
+pub(super) fn count(number: usize) -> i32 {
+    i32::try_from(number).expect("a column counts below two thousand million")
 }
 
 /// What `template` says where a problem is of none.

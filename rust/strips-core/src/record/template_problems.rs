@@ -21,7 +21,7 @@ const FINAL_STATES: usize = 2;
 pub(super) fn shapes(workshop: &Workshop, number: usize, template: &Template) -> Result<Vec<Shape>, LimitError> {
     let mut random = workshop.random(&format!("template {}", template.name));
     let mut problems: Vec<Problem> = template.expand(&workshop.domain).collect();
-    // A template with very many problems is thinned before anything is solved; four in one is enough to choose from.
+    // A template with very many problems is thinned before anything is solved: eight in one are enough to choose from.
     thin(&mut problems, 8 * workshop.config.problems_per_template, &mut random);
     let tasks = problems.into_par_iter().map(|problem| prepare(workshop, problem)).collect::<Result<Vec<_>, _>>()?;
     let mut seen = FxHashSet::default();
@@ -31,7 +31,7 @@ pub(super) fn shapes(workshop: &Workshop, number: usize, template: &Template) ->
         solve(
             workshop.config,
             Source::Template(number),
-            Arc::new(task),
+            &Arc::new(task),
             &goal,
             hash,
             workshop.random(&format!("plans {hash:x}")),
@@ -83,16 +83,16 @@ fn literal(part: &Condition) -> (Fact, bool) {
 fn solve(
     config: &RecordConfig,
     source: Source,
-    task: Arc<Task>,
+    task: &Arc<Task>,
     goal: &Goal,
     family: u128,
     mut random: Random,
 ) -> Vec<Shape> {
-    let ends = super::problems::goal_states(config, &task, goal);
+    let ends = super::problems::goal_states(config, task, goal);
     let Some((exploration, shortest, mut states)) = ends else { return Vec::new() };
     let shape = |goal: Goal, states: &[usize], random: &mut Random| {
-        let hash = hash_of(&task, &goal);
-        super::problems::shape(config, source, &task, goal, (&exploration, shortest, states), (hash, family), random)
+        let hash = hash_of(task, &goal);
+        super::problems::shape(config, source, task, goal, (&exploration, shortest, states), (hash, family), random)
     };
     let mut shapes = Vec::new();
     if config.state_goal_share < 1.0 {

@@ -81,7 +81,9 @@ impl<'t> Filling<'t> {
     }
 
     fn place_all(&mut self, forms: &[Form], this: Option<ObjectId>, choices: &mut impl Choices) {
-        forms.iter().for_each(|form| self.place(form, this, choices));
+        for form in forms {
+            self.place(form, this, choices);
+        }
     }
 
     fn place(&mut self, form: &Form, this: Option<ObjectId>, choices: &mut impl Choices) {
