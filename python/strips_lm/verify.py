@@ -11,25 +11,36 @@ import hashlib
 import json
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow.parquet as pq
 
-from strips_lm._native import Domain, judge
+from strips_lm._native import Domain, Problem, judge
 from strips_lm.config.names import ConfigError
 from strips_lm.shards import ROW_GROUP, digest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
     from strips_lm._native import Judgement
 
     Row = dict[str, Any]
 
-COLUMNS = (
-    "index prompt completion negative plan negative_verdict negative_step problem_id names words steps optimal_steps"
-).split()
+COLUMNS = [
+    "index",
+    "prompt",
+    "completion",
+    "negative",
+    "plan",
+    "negative_verdict",
+    "negative_step",
+    "problem_id",
+    "names",
+    "words",
+    "steps",
+    "optimal_steps",
+]
 
 NAME = re.compile(r"[^\s(),<>|]+")
 """A word of a completion, markers left out."""
@@ -116,6 +127,7 @@ class _Checker:
         self._domain = Domain.parse(text, str(folder / "domain.pddl"))
         self._actions = [name for name, _ in self._domain.actions]
         self._constants = len(self._domain.constants)
+        self._names: dict[int, list[str]] = {}
         table = pq.read_table(folder / "problems.parquet")
         self._problems = table["problem"].to_pylist()
         self._hashes = table["canonical_hash"].to_pylist()
@@ -135,8 +147,15 @@ class _Checker:
 
     def _slots(self, row: Row, column: str) -> str:
         """The completion with the problem's own names: one problem is grounded once for all its records."""
-        slots = {name: f"o{number}" for number, name in enumerate(row["names"][self._constants :])}
+        slots = dict(zip(row["names"], self._objects(row["problem_id"]), strict=True))
         return NAME.sub(lambda match: slots.get(match.group(), match.group()), row[column])
+
+    def _objects(self, problem_id: int) -> list[str]:
+        """The names that the problem itself gives its objects."""
+        if problem_id not in self._names:
+            problem = Problem.parse(self._problems[problem_id], self._domain)
+            self._names[problem_id] = [name for name, _ in problem.objects]
+        return self._names[problem_id]
 
     def _note(self, row: Row, found: Found) -> str:
         text = hashlib.sha256(f"{row['prompt']}\0{row['completion']}".encode()).digest()[:16]

@@ -150,6 +150,7 @@ impl Reader<'_> {
 
     fn section(&mut self, value: &Spanned<DeValue<'_>>, what: &'static str) -> Result<(), Fault> {
         for (key, value) in as_table(value)? {
+            self.entry(key, what)?;
             let words = self.words(key, value, what)?;
             *self.entry(key, what)? = words;
         }

@@ -29,7 +29,7 @@ pub struct Naming {
 }
 
 impl Naming {
-    /// A name for each object, all different; the domain's constants keep theirs.
+    /// A name for each object, all different; what the domain itself names keeps its name.
     ///
     /// Where the lexicon's names for a type run out, made-up words of the same side stand in.
     pub fn draw_names(
@@ -39,7 +39,7 @@ impl Naming {
         objects: &[Object],
         random: &mut Random,
     ) -> Vec<String> {
-        let fixed = domain.constants.len();
+        let fixed = domain.constants.len() + domain.pending.len();
         let mut names: Vec<String> = objects[..fixed].iter().map(|object| object.name.clone()).collect();
         for object in &objects[fixed..] {
             let name = self.draw_name(domain, lexicon, object, &names, random);

@@ -14,7 +14,7 @@ use super::splits::{Pools, Solved, Split};
 use super::table::{Batch, ProblemTable, template_name};
 use super::template_problems;
 use crate::augment::{Lexicon, LexiconError, Template, read_template};
-use crate::pddl::ast::Domain;
+use crate::pddl::ast::{Domain, Problem};
 use crate::pddl::{PddlError, Source, parse_domain, parse_problem};
 use crate::task::{LimitError, Limits};
 
@@ -172,7 +172,8 @@ fn read(files: &DomainFiles) -> Result<Parts, RecordError> {
     };
     let template = |source: &Source| read_template(source, &domain);
     let templates = files.templates.iter().map(template).collect::<Result<Vec<_>, _>>()?;
-    let problem = |source: &Source| parse_problem(source, &domain, Some(&files.domain));
+    let problem =
+        |source: &Source| parse_problem(source, &domain, Some(&files.domain)).map(|found| slots(&domain, found));
     let problems = files.problems.iter().map(problem).collect::<Result<Vec<_>, _>>()?;
     let start = match &files.random {
         Some(source) => Some(Start::Template(template(source)?)),
@@ -180,6 +181,15 @@ fn read(files: &DomainFiles) -> Result<Parts, RecordError> {
         None => Some(Start::Problems(problems)),
     };
     Ok(Parts { domain, lexicon, templates, start })
+}
+
+/// The problem with its objects called by their slots, as all problems of a data set have them.
+fn slots(domain: &Domain, mut problem: Problem) -> Problem {
+    let fixed = domain.constants.len() + domain.pending.len();
+    for (slot, object) in problem.objects[fixed..].iter_mut().enumerate() {
+        object.name = format!("o{slot}");
+    }
+    problem
 }
 
 fn held_out(templates: &[Template], config: &RecordConfig) -> Result<Vec<usize>, ConfigMistake> {
