@@ -4,6 +4,7 @@
 //! parallel breadth-first search; [`PlanSet`] counts, lists, indexes and samples plans without ever holding them.
 //! Knows no PDDL text and no learning. Every number and order here is the same for any number of threads.
 
+mod block;
 mod condition;
 mod counts;
 mod cursor;

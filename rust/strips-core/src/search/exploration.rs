@@ -13,8 +13,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
+use super::block::{Batch, DROPPED, Fresh, look_up_shard};
 use super::goal_bound::GoalBound;
-use super::state_table::{FRESH, SHARDS, Shard, StateTable, hash_words, shard_of};
+use super::state_table::{FRESH, Shard, StateTable, hash_words, shard_of};
 use super::successor_generator::SuccessorGenerator;
 use crate::task::{LimitError, Watch};
 
@@ -98,32 +99,11 @@ struct Explorer<'a, const W: usize> {
     found: Explored,
 }
 
-/// The successors of a run of states, before they are looked up.
-struct Batch {
-    words: Vec<u64>,
-    hashes: Vec<u64>,
-    /// Candidates of each parent, as where they end.
-    ends: Vec<u32>,
-    /// Candidates sorted by shard; those of shard `s` are `order[starts[s]..starts[s + 1]]`.
-    order: Vec<u32>,
-    starts: [u32; SHARDS + 1],
-    targets: Vec<AtomicU32>,
-    /// Candidates of the batches before.
-    base: u32,
-}
-
 /// Buffers of the serial expansion.
 struct Room {
     current: Vec<u64>,
     next: Vec<u64>,
     applicable: Vec<u32>,
-}
-
-/// What a shard found new in a block: candidate numbers and slots, and the states.
-#[derive(Default)]
-struct Fresh {
-    places: Vec<(u32, usize)>,
-    words: Vec<u64>,
 }
 
 impl<'a, const W: usize> Explorer<'a, W> {
@@ -172,7 +152,7 @@ impl<'a, const W: usize> Explorer<'a, W> {
 
     /// Expands the states `from..to`; their successors have `remaining` steps left.
     fn expand_layer(&mut self, from: usize, to: usize, remaining: Option<usize>) -> Result<(), LimitError> {
-        const CANDIDATES: usize = 1 << 19;
+        const CANDIDATES: usize = 1 << 18;
         let mut first = from;
         while first < to && !self.is_done() {
             let branching = self.branching(first);
@@ -388,88 +368,5 @@ impl<'a, const W: usize> Explorer<'a, W> {
             links.targets.extend(batch.targets.iter().map(resolve));
             links.ends.extend(batch.ends.iter().map(|&end| base + u64::from(end)));
         }
-    }
-}
-
-/// The hash of a candidate that is not kept; `hash_words` never returns it.
-const DROPPED: u64 = 0;
-
-impl Batch {
-    fn new(candidates: usize, width: usize) -> Self {
-        Self {
-            words: Vec::with_capacity(candidates * width),
-            hashes: Vec::with_capacity(candidates),
-            ends: Vec::new(),
-            order: Vec::new(),
-            starts: [0; SHARDS + 1],
-            targets: Vec::new(),
-            base: 0,
-        }
-    }
-
-    /// A counting sort of the kept candidates.
-    fn sort_by_shard(&mut self) {
-        let kept = |&(_, &hash): &(usize, &u64)| hash != DROPPED;
-        for (_, &hash) in self.hashes.iter().enumerate().filter(kept) {
-            self.starts[shard_of(hash) + 1] += 1;
-        }
-        (0..SHARDS).for_each(|shard| self.starts[shard + 1] += self.starts[shard]);
-        let mut next = self.starts;
-        self.order = vec![0; self.starts[SHARDS] as usize];
-        for (candidate, &hash) in self.hashes.iter().enumerate().filter(kept) {
-            let place = &mut next[shard_of(hash)];
-            self.order[*place as usize] = candidate as u32;
-            *place += 1;
-        }
-        self.targets = self.hashes.iter().map(|_| AtomicU32::new(NOWHERE)).collect();
-    }
-
-    fn of_shard(&self, shard: usize) -> &[u32] {
-        &self.order[self.starts[shard] as usize..self.starts[shard + 1] as usize]
-    }
-}
-
-/// Looks up the candidates of one shard in order, adding those that are new.
-fn look_up_shard<const W: usize>(
-    index: usize,
-    shard: &mut Shard,
-    batches: &[Batch],
-    states: &[u64],
-    width: usize,
-) -> Fresh {
-    let width = if W == 0 { width } else { W };
-    let mut fresh = Fresh::default();
-    shard.reserve(batches.iter().map(|batch| batch.of_shard(index).len()).sum());
-    for batch in batches {
-        for &candidate in batch.of_shard(index) {
-            let hash = batch.hashes[candidate as usize];
-            let words = &batch.words[candidate as usize * width..][..width];
-            let target = match shard.find(hash, |known| stored(known, states, &fresh.words, width) == words) {
-                Ok(known) if known & FRESH != 0 => FRESH | fresh.places[(known & !FRESH) as usize].0,
-                Ok(known) => known,
-                Err(place) => fresh.add(shard, place, hash, words, batch.base + candidate),
-            };
-            batch.targets[candidate as usize].store(target, Ordering::Relaxed);
-        }
-    }
-    fresh
-}
-
-/// The packed state of a number, which may be one of this block's.
-#[inline]
-fn stored<'a>(number: u32, states: &'a [u64], fresh: &'a [u64], width: usize) -> &'a [u64] {
-    if number & FRESH != 0 {
-        &fresh[(number & !FRESH) as usize * width..][..width]
-    } else {
-        &states[number as usize * width..][..width]
-    }
-}
-
-impl Fresh {
-    fn add(&mut self, shard: &mut Shard, place: usize, hash: u64, words: &[u64], candidate: u32) -> u32 {
-        shard.insert(place, hash, FRESH | self.places.len() as u32);
-        self.places.push((candidate, place));
-        self.words.extend_from_slice(words);
-        FRESH | candidate
     }
 }
