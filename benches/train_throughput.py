@@ -159,7 +159,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--plain-batch", type=int, default=16)
     parser.add_argument("--data", type=Path)
-    parser.add_argument("--peak", type=float, default=989.0, help="teraflops of the GPU (an H100's in bfloat16)")
+    parser.add_argument(
+        "--peak", type=float, default=989.0, help="teraflops of the GPU (an H100's or H200's in bfloat16)"
+    )
     args = parser.parse_args()
     config = RunConfig.load(args.preset, args.overrides)
     vocabulary, data = Vocabulary(), drawn_data()

@@ -1,4 +1,4 @@
-"""The canonical tokenizer: lossless, closed vocabulary, slots last, one prompt's tokens in training and generation."""
+"""The canonical tokenizer: lossless, a closed vocabulary, slots last, the same prompt tokens everywhere."""
 
 import pytest
 
@@ -18,8 +18,8 @@ PROMPTS = [
 COMPLETIONS = [
     "<ACTION> light(torch) <STATE> lit(torch), at(torch, attic) <|endoftext|>",
     (
-        "<ACTION> carry(qx_9, hall, den) <STATE> at(qx_9, den) <ACTION> light(qx_9) <STATE> lit(qx_9), at(qx_9, den) "
-        "<|endoftext|>"
+        "<ACTION> carry(qx_9, hall, den) <STATE> at(qx_9, den) "
+        "<ACTION> light(qx_9) <STATE> lit(qx_9), at(qx_9, den) <|endoftext|>"
     ),
 ]
 BROKEN = ["<ACTION> light(torch <STATE> <|endoftext|>", "<ACTION> fly(qx_9) <STATE> lit(nobody) <|endoftext|>"]

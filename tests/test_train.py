@@ -154,3 +154,12 @@ def test_the_rate_rises_stays_and_falls():
 def test_the_end_of_the_budget_in_minutes_ends_the_run(data, tmp_path):
     train(config("lstm", 0, "train.minutes=0.03"), data, tmp_path, shown=False)
     assert json.loads((tmp_path / "last" / "trainer.json").read_text())["seconds"] < 4
+
+
+def test_the_trial_keeps_the_faster_number_of_threads(data, tmp_path, monkeypatch):
+    from strips_lm import threads
+
+    monkeypatch.setattr(threads, "_seconds", lambda _objective, _data, number: {1: 1.0, 2: 3.0}[number])
+    torch.set_num_threads(2)
+    train(config("lm-head", 0, "train.minutes=0.02"), data, tmp_path, shown=False)
+    assert torch.get_num_threads() == 1

@@ -27,7 +27,7 @@ def start(data, out, run, rank, world, port):
 def test_two_processes_have_the_loss_curve_of_one(tmp_path):
     data = blocks_data.write(tmp_path / "data")
     run = tmp_path / "given.toml"
-    config("double-head", 20, *SETTINGS).save(run)
+    config("double-head", 6, *SETTINGS, "train.evaluate_every=0.5").save(run)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

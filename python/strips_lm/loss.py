@@ -53,7 +53,7 @@ def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -
 
 
 def _idle_head(model: Any, lm: Tensor) -> Tensor:
-    """Zero, by way of the second head if there is one: data-parallel wrappers wait for every parameter's gradient."""
+    """Zero by way of the second head, if any: data-parallel wrappers wait for every parameter's gradient."""
     head = getattr(model, "multiple_choice_head", None)
     return lm.new_zeros(()) if head is None else 0.0 * sum(weight.sum() for weight in head.parameters())
 

@@ -23,6 +23,7 @@ from strips_lm.loss import weighted
 from strips_lm.model import make_model
 from strips_lm.muon import make_optimizer
 from strips_lm.objective import Objective, compute_type, measure, validation_step
+from strips_lm.threads import choose_threads
 from strips_lm.watch import Clock, Signals, Watch
 
 if TYPE_CHECKING:
@@ -189,6 +190,7 @@ class _Window:
             "mc_loss": mc,
             "mc_accuracy": self.sums[2] / self.pairs if self.pairs else None,
             "rate": rate(fraction, train),
+            "threads": torch.get_num_threads(),
             "tokens": run.progress.tokens,
             "tokens_per_second": self.seen / max(seconds - self.start, 1e-9),
             "left": seconds * (1.0 - fraction) / max(fraction, 1e-9),
@@ -260,6 +262,8 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
     progress = resume(last_checkpoint(out), model, optimizer) if resumed else Progress()
     objective = Objective(model, compute_type(config.train.precision, model, accelerator.device))
     objective.train()
+    if config.train.autotune and not config.train.steps and accelerator.device.type == "cpu":
+        choose_threads(objective, training)
     prepared, optimizer = accelerator.prepare(objective, optimizer)
     config.save(out / "run.toml")
     about = {"records": len(training), "records too long, left out": training.left_out}

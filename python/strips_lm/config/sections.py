@@ -198,8 +198,9 @@ class TrainConfig:
     """`canonical`: train on random increasing slot numbers, so that more objects than the training's are no news."""
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     """Type that the layers run in; `auto` is bfloat16 where the processor has instructions for it."""
-    compile: bool = False
-    """Whether `torch.compile` compiles the forward pass (pays on a GPU)."""
+    autotune: bool = True
+    """Whether a short trial chooses the number of threads on a CPU, where `steps` is 0 (a given number of steps is to be
+    repeatable bit for bit, and sums depend on the threads)."""
     evaluate_every: float = 0.1
     """Share of the run between two measurements on the validation split; the best checkpoint is the lowest loss."""
     validation_records: int = 1000
