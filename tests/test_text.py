@@ -74,9 +74,9 @@ def test_masked_texts_that_end_are_valid_plans(stop_at_goal: bool) -> None:
     texts, rows, draw = dict(enumerate(forced)), list(range(first, first + 40)), random.Random(1)
     while rows := [row for row, is_at in zip(rows, decoder.status(rows), strict=True) if is_at == "open"]:
         mask = decoder.mask(rows)
-        tokens = [draw.choice(list(np.flatnonzero(allowed))) for allowed in mask]
+        tokens = [draw.choice(np.flatnonzero(allowed).tolist()) for allowed in mask]
         for row, token, more in zip(rows, tokens, decoder.advance(rows, tokens), strict=True):
-            texts[row] += [int(token), *more]
+            texts[row] += [token, *more]
     ended = [row for row in texts if decoder.status([row]) == ["ended"]]
     assert ended
     made = codec.decode_completions([ids.tolist()] * 40, list(texts.values()), [legend] * 40)
