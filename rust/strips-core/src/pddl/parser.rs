@@ -29,7 +29,7 @@ use super::tree::Tree;
 /// use strips_core::pddl::{Source, parse_domain};
 /// let text = "(define (domain d) (:predicates (p)) (:action a :precondition (q)))";
 /// let error = parse_domain(&Source::new("d.pddl", text)).unwrap_err();
-/// assert!(error.to_string().starts_with("d.pddl:1:61: undeclared predicate `q`"));
+/// assert!(error.to_string().starts_with("d.pddl:1:64: undeclared predicate `q`"));
 /// ```
 pub fn parse_domain(source: &Source) -> Result<Domain, PddlError> {
     Tree::read(source.text()).and_then(|tree| domain::read(&tree)).map_err(|fault| fault.within(source))

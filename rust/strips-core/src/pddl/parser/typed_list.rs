@@ -19,10 +19,10 @@ pub(super) fn groups(mut items: Items<'_>) -> Result<(Vec<Group<'_>>, Vec<Warnin
     while let Some(item) = items.next() {
         let types = match item.as_name() {
             Some("-") => type_names(items.expect("a type")?)?,
-            Some(name) if name.starts_with('-') && !members.is_empty() => {
-                warnings
-                    .push(Warning { message: format!("`{name}` is read as `- {}`", &name[1..]), span: item.span() });
-                vec![(&name[1..], Span::new(item.span().start() + 1, item.span().end()))]
+            Some(name) if name.starts_with('-') => {
+                let message = format!("`{name}` is read as `- {}`", &name[1..]);
+                warnings.push(Warning { message, span: item.span() });
+                vec![glued_type(item, name)?]
             }
             _ => {
                 members.push(item);
@@ -43,7 +43,7 @@ pub(super) fn groups(mut items: Items<'_>) -> Result<(Vec<Group<'_>>, Vec<Warnin
 /// The names in `t` or `(either t u …)`.
 fn type_names(item: Item<'_>) -> Result<Vec<(&str, Span)>, Fault> {
     if item.kind() != NodeKind::List {
-        return Ok(vec![(item.name("a type")?, item.span())]);
+        return Ok(vec![type_name(item)?]);
     }
     let mut items = item.list("a type")?;
     let head = items.expect("`either`")?;
@@ -51,5 +51,19 @@ fn type_names(item: Item<'_>) -> Result<Vec<(&str, Span)>, Fault> {
         return Err(head.unexpected("`either`"));
     }
     let first = items.expect("a type")?;
-    std::iter::once(first).chain(items).map(|item| Ok((item.name("a type")?, item.span()))).collect()
+    std::iter::once(first).chain(items).map(type_name).collect()
+}
+
+/// The type in `-type`.
+fn glued_type<'t>(item: Item<'t>, name: &'t str) -> Result<(&'t str, Span), Fault> {
+    match name.strip_prefix('-') {
+        Some(kind) if !kind.starts_with('-') => Ok((kind, Span::new(item.span().start() + 1, item.span().end()))),
+        _ => Err(item.unexpected("a type after one `-`")),
+    }
+}
+
+/// The name of a type, which must not begin with `-`.
+fn type_name(item: Item<'_>) -> Result<(&str, Span), Fault> {
+    let name = item.name("a type")?;
+    if name.starts_with('-') { Err(item.unexpected("a type")) } else { Ok((name, item.span())) }
 }
