@@ -74,13 +74,13 @@ def main() -> None:
     texts = planner.tokenizer.decode_completions(ids, made, planner.tokenizer.encode_prompts(prompts)[1])
     same = sum(c.text == text for c, text in zip(ours.completions, texts, strict=True))
     count = len(prompts)
-    print(
-        f"ours: {count / ours_best[0]:.0f} prompts/s, {ours.tokens / ours_best[0]:.0f} tokens/s, {ours_best[1]:.2f} CPU-s"
-    )
+    rates = f"{count / ours_best[0]:.0f} prompts/s, {ours.tokens / ours_best[0]:.0f} tokens/s"
+    print(f"ours: {rates}, {ours_best[1]:.2f} CPU-s")
     for (batch, threads), times in sorted(peers.items()):
-        print(f"transformers, batch {batch}, {threads} threads: {count / times[0]:.0f} prompts/s, {times[1]:.2f} CPU-s")
+        speed = f"{count / times[0]:.0f} prompts/s, {times[1]:.2f} CPU-s"
+        print(f"transformers, batch {batch}, {threads} threads: {speed}")
     wall, busy = (min(times[i] for times in peers.values()) / ours_best[i] for i in (0, 1))
-    print(f"best of transformers / ours: {wall:.2f} by the clock, {busy:.2f} by CPU; {same} of {count} texts equal")
+    print(f"transformers / ours: {wall:.2f} by the clock, {busy:.2f} by CPU; {same} of {count} texts equal")
 
 
 def least(a: Times, b: Times) -> Times:
