@@ -17,7 +17,7 @@ from strips_lm.cli.arguments import add_config, natural, positive, read_config
 if TYPE_CHECKING:
     import argparse
 
-    from strips_lm.config import RunConfig
+    from strips_lm.config import DataConfig, RunConfig
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -56,16 +56,15 @@ def _config(args: argparse.Namespace) -> RunConfig:
         given["problems"] = tuple(sorted(path for pattern in args.problems for path in glob.glob(pattern)))  # noqa: PTH207
     data = dataclasses.replace(config.data, **{name: value for name, value in given.items() if value is not None})
     seed = config.seed if args.seed is None else args.seed
-    return dataclasses.replace(config, seed=seed, data=_fitting(data.domain, data))
+    return dataclasses.replace(config, seed=seed, data=_fitting(data))
 
 
-def _fitting(domain: str, data: object) -> object:
-    """Leaves out held-out templates of the default domain where another is asked for."""
+def _fitting(data: DataConfig) -> DataConfig:
+    """Leaves out the held-out templates of the default domain where another domain is asked for."""
     from strips_lm.config import DataConfig  # noqa: PLC0415
 
-    assert isinstance(data, DataConfig)
     default = DataConfig()
-    if domain != default.domain and data.held_out_templates == default.held_out_templates:
+    if data.domain != default.domain and data.held_out_templates == default.held_out_templates:
         return dataclasses.replace(data, held_out_templates=())
     return data
 

@@ -57,20 +57,21 @@ pub(super) fn shape(
             let plans = exploration.shortest_plans(states, config.plans_per_problem, random);
             (plans, exploration.count(states))
         }
-        PlanChoice::All => all_plans(config, task, &goal, random)?,
+        // `longer` asks for more steps than training has; its problems' shortest plans are always among theirs.
+        PlanChoice::All => all_plans((config, config.max_steps.max(shortest)), task, &goal, random)?,
     };
     Some(Shape { source, task: task.clone(), goal, plans, plan_count, shortest, hash, family })
 }
 
-/// All first-goal plans of at most `max_steps` steps, or a uniform sample of them.
+/// All first-goal plans of at most `horizon` steps, or a uniform sample of them.
 fn all_plans(
-    config: &RecordConfig,
+    (config, horizon): (&RecordConfig, usize),
     task: &Arc<Task>,
     goal: &Goal,
     random: &mut Random,
 ) -> Option<(Vec<Vec<crate::task::OperatorId>>, u128)> {
     let aimed = Arc::new(Task { goal: goal.condition(task), ..(**task).clone() });
-    let set = PlanSet::new(aimed, config.max_steps, Semantics::FirstGoal, &Limits::default()).ok()?;
+    let set = PlanSet::new(aimed, horizon, Semantics::FirstGoal, &Limits::default()).ok()?;
     let count = u128::try_from(set.count()).ok()?;
     let replace = false;
     let plans = if count <= config.plans_per_problem as u128 {
