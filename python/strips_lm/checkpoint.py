@@ -44,7 +44,7 @@ class Progress:
     tokens: int = 0
     """Tokens seen, without padding."""
     best: float | None = None
-    """Lowest validation loss so far."""
+    """Lowest validation loss so far, both heads weighted as in training."""
     measured: int = 0
     """Measurements on the validation split so far."""
 
@@ -149,7 +149,7 @@ def _parameters(optimizer: Optimizer) -> list[torch.Tensor]:
 
 def model_card(config: RunConfig, progress: Progress, about: dict[str, Any]) -> str:
     """The README of a checkpoint: what it is, what it was trained on, how far it got, what it is not for."""
-    loss = "not measured" if progress.best is None else f"{progress.best:.4f} nats a scored token"
+    loss = "not measured" if progress.best is None else f"{progress.best:.4f}"
     lines = "\n".join(f"| {key} | {value} |" for key, value in about.items())
     return f"""---
 library_name: transformers

@@ -38,6 +38,8 @@ class Measure:
 
     lm_loss: float
     """Nats a scored token."""
+    mc_loss: float | None
+    """Nats a pair; None for models without the second head."""
     mc_accuracy: float | None
     """Share of pairs in which the positive scores higher; None for models without that head."""
 
@@ -58,8 +60,10 @@ def measure(objective: Objective, step: Step, device: torch.device) -> Measure:
     losses = [objective(batch.to(device)) for batch in step.batches]
     objective.train(training)
     lm = sum(float(part.lm) for part in losses) / step.tokens
-    right = sum(int(part.right) for part in losses)
-    return Measure(lm, right / step.pairs if step.pairs else None)
+    if not step.pairs:
+        return Measure(lm, None, None)
+    mc = sum(float(part.mc) for part in losses) / step.pairs
+    return Measure(lm, mc, sum(int(part.right) for part in losses) / step.pairs)
 
 
 def compute_type(precision: str, model: PreTrainedModel, device: torch.device) -> torch.dtype:

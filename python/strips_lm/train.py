@@ -212,9 +212,11 @@ def _measure(run: Run, watch: Watch, fraction: float) -> None:
     progress = run.progress
     progress.measured = int(fraction / run.config.train.evaluate_every + 1e-9)
     about = {"step": progress.step, "seconds": round(run.clock.seconds(), 3), "tokens": progress.tokens}
-    watch.log("validation", fraction, {**about, **asdict(found), "floor": run.floor})
-    if progress.best is None or found.lm_loss < progress.best:
-        progress.best = found.lm_loss
+    train = run.config.train
+    loss = train.lm_weight * found.lm_loss + train.mc_weight * (found.mc_loss or 0.0)
+    watch.log("validation", fraction, {**about, "loss": loss, **asdict(found), "floor": run.floor})
+    if progress.best is None or loss < progress.best:
+        progress.best = loss
         if run.accelerator.is_main_process:
             run.keeper.save_best(run.model, progress)
 

@@ -199,10 +199,10 @@ class TrainConfig:
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     """Type that the layers run in; `auto` is bfloat16 where the processor has instructions for it."""
     autotune: bool = True
-    """Whether a short trial chooses the number of threads on a CPU, where `steps` is 0 (a given number of steps is to be
-    repeatable bit for bit, and sums depend on the threads)."""
+    """Whether a short trial chooses the number of threads on a CPU. Not where `steps` is given: such a run is to be
+    repeatable bit for bit, and sums depend on the threads."""
     evaluate_every: float = 0.1
-    """Share of the run between two measurements on the validation split; the best checkpoint is the lowest loss."""
+    """Share of the run between two measurements on the validation split; the best checkpoint has the lowest."""
     validation_records: int = 1000
     """Records of the validation split that are measured."""
     save_minutes: float = 2.0
