@@ -180,7 +180,9 @@ class Quickstart:
         from strips_lm.evaluate.suites import DataFolder
 
         self.tell(f"evaluate: {entrant.name}")
-        config = RunConfig.load(None, [f"evaluate.limit={self.limit}", f"seed={self.seed}"])
+        config = RunConfig.load(
+            None, [f"evaluate.limit={self.limit}", f"evaluate.pairs={self.limit}", f"seed={self.seed}"]
+        )
         data = DataFolder(self.data)
         present = [suite for suite in config.evaluate.suites if suite in data.suites()]
         config = replace(config, evaluate=replace(config.evaluate, suites=tuple(present)))
