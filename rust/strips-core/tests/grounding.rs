@@ -28,10 +28,10 @@ fn agree(seed: u64, features: Features) {
     let task = ground(domain.clone(), problem.clone(), &Limits::default()).expect("a small task stays within limits");
     assert_orders(&task);
     let operators = all_operators(&domain, &problem);
-    let mut seen: HashMap<Atoms, State> = HashMap::from([(naive.init(), task.init.clone())]);
+    let mut reached: HashMap<Atoms, State> = HashMap::from([(naive.init(), task.init.clone())]);
     let mut queue = VecDeque::from([naive.init()]);
     while let Some(atoms) = queue.pop_front() {
-        let state = seen[&atoms].clone();
+        let state = reached[&atoms].clone();
         assert_same_state(&naive, &task, &atoms, &state);
         let full = naive.with_derived(&atoms);
         for (action, args) in &operators {
@@ -41,10 +41,10 @@ fn agree(seed: u64, features: Features) {
             assert_eq!(operator.is_some(), expected.is_some(), "applicability of {action:?} {args:?} in {atoms:?}");
             let (Some(operator), Some(next)) = (operator, expected) else { continue };
             let next_state = task.apply(operator, &state);
-            match seen.get(&next) {
+            match reached.get(&next) {
                 Some(known) => assert_eq!(known, &next_state, "one state for one set of atoms"),
-                None if seen.len() < MOST_STATES => {
-                    seen.insert(next.clone(), next_state);
+                None if reached.len() < MOST_STATES => {
+                    reached.insert(next.clone(), next_state);
                     queue.push_back(next);
                 }
                 None => assert_same_state(&naive, &task, &next, &next_state),

@@ -131,9 +131,11 @@ fn suites_share_no_problem_with_training() {
     }
     let hashes: HashSet<u128> = (0..stream.problems()).map(|id| stream.problem(id).hash).collect();
     assert_eq!(hashes.len(), stream.problems(), "each problem is there once");
-    let objects = |split| problems(split).into_iter().map(|id| stream.problem(id as usize).task.problem.objects.len());
+    let objects = |split| {
+        problems(split).into_iter().map(|id| stream.problem(id.cast_unsigned() as usize).task.problem.objects.len())
+    };
     assert!(objects(Split::MoreObjects).min() >= objects(Split::Train).max().map(|most| most + 2));
-    assert!(problems(Split::Longer).into_iter().all(|id| stream.problem(id as usize).shortest >= 8));
+    assert!(problems(Split::Longer).into_iter().all(|id| stream.problem(id.cast_unsigned() as usize).shortest >= 8));
 }
 
 #[test]

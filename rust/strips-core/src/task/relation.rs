@@ -185,7 +185,7 @@ mod tests {
             assert_eq!((is_new, set.insert(&tuple)), (n < 700, (row, false)));
         }
         assert_eq!(set.len(), 700);
-        assert!((0..700).all(|row| set.find(&set.row(row).to_vec()) == Some(row)));
+        assert!((0..700).all(|row| set.find(set.row(row)) == Some(row)));
         assert_eq!(set.find(&[100, 0]), None);
     }
 

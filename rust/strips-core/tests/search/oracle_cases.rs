@@ -51,7 +51,7 @@ fn digest(set: &PlanSet, length: usize) -> String {
     let mut lines: Vec<String> = plans.iter().map(line).collect();
     lines.sort_unstable();
     let hash = Sha256::digest(lines.concat());
-    hash.iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+    hash.iter().take(16).fold(String::new(), |text, byte| text + &format!("{byte:02x}"))
 }
 
 fn check(set: &PlanSet, counts: &Value, digests: &Value, what: &str) {

@@ -18,8 +18,9 @@ pub fn random_task() -> impl Strategy<Value = Arc<Task>> {
         let stride = prop::sample::select(STRIDES.to_vec());
         let operators = prop::collection::vec(operator(facts), 0..=6);
         let axiom = prop::option::weighted(0.2, condition(facts, false));
-        (stride, any::<u32>(), operators, condition(facts, true), axiom)
-            .prop_map(move |(stride, init, operators, goal, axiom)| build(facts, stride, init, operators, goal, axiom))
+        (stride, any::<u32>(), operators, condition(facts, true), axiom).prop_map(
+            move |(stride, init, operators, goal, axiom)| build(facts, stride, init, &operators, &goal, axiom.as_ref()),
+        )
     })
 }
 
@@ -63,9 +64,9 @@ fn build(
     facts: usize,
     stride: usize,
     init: u32,
-    operators: Vec<DraftOperator>,
-    goal: Draft,
-    axiom: Option<Draft>,
+    operators: &[DraftOperator],
+    goal: &Draft,
+    axiom: Option<&Draft>,
 ) -> Arc<Task> {
     let derived = facts * stride;
     let spread = Spread { stride, derived: axiom.is_some().then_some(FactId::from(derived)) };
@@ -77,9 +78,9 @@ fn build(
         facts: (0..=derived).map(|fact| Fact { predicate: PredicateId::from(fact), args: vec![] }).collect(),
         static_facts: vec![],
         init: State::empty(derived + 1),
-        goal: spread.condition(&goal),
+        goal: spread.condition(goal),
         operators,
-        axioms: spread.axioms(axiom.as_ref()),
+        axioms: spread.axioms(axiom),
     };
     (0..facts).for_each(|fact| task.init.set(FactId::from(fact * stride), init >> fact & 1 == 1));
     let mut start = task.init.clone();
@@ -193,7 +194,7 @@ pub fn switches(switches: usize, spread: usize) -> Arc<Task> {
         precondition: nothing.clone(),
         effects: vec![(nothing.clone(), vec![(switch, value)])],
     };
-    let operators = (0..switches).flat_map(|switch| [(switch, true), (switch, false)]).map(turn).collect();
+    let operators: Vec<_> = (0..switches).flat_map(|switch| [(switch, true), (switch, false)]).map(turn).collect();
     let goal = Draft { literals: (0..switches).map(|switch| (switch, true)).collect(), ..nothing.clone() };
-    build(switches, spread, 0, operators, goal, None)
+    build(switches, spread, 0, &operators, &goal, None)
 }

@@ -113,7 +113,7 @@ fn counts_beyond_any_machine_word_are_exact() {
 #[test]
 fn the_empty_plan_is_the_only_first_goal_plan_where_the_goal_holds_at_the_start() {
     let mut task = Task::clone(&switches(3, 1));
-    task.goal = Default::default();
+    task.goal = strips_core::task::GroundCondition::default();
     let task = Arc::new(task);
     for semantics in ALL {
         let set = plan_set(&task, 2, semantics);
