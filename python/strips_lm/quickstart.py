@@ -141,9 +141,10 @@ class Quickstart:
             command.append("--resume")
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
         with (out / "train.log").open("ab") as log:
-            streams = {"stdin": subprocess.DEVNULL, "stdout": log, "stderr": log}
             # In a session of its own Ctrl-C reaches only this process, which then asks each model once to stop.
-            return subprocess.Popen(command, **streams, env=environment, start_new_session=True)
+            return subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment, start_new_session=True
+            )
 
     def _progress(self, entrant: Entrant) -> float:
         """The share of its training that the model's last line of metrics tells."""
