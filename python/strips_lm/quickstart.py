@@ -31,11 +31,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Entrant:
-    """A model of the quickstart: its name, and the preset and kind that it is trained by."""
+    """A model of the quickstart: its name, the preset and kind that it is trained by, and the folder of its data."""
 
     name: str
     preset: str
     kind: str
+    data: str = "data"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +49,12 @@ class Round:
 
 ROUNDS = (
     Round(0.7, (Entrant("double-head", "tiny", "double-head"), Entrant("lm-head", "tiny", "lm-head"))),
-    Round(0.3, (Entrant("lstm", "lstm", "lstm"), Entrant("double-head-bpe", "bpe", "double-head"))),
+    Round(0.3, (Entrant("lstm", "lstm", "lstm"), Entrant("double-head-bpe", "bpe", "double-head", "data-paper"))),
 )
-"""The report's three models, and the double head on text as it is spelled; the same data for all."""
+"""The report's three models on the same data; and the double head on the report's own layout, spelled as it stands."""
+
+DATA_SETS = {"data": 0.0, "data-paper": 1.0}
+"""Folder of each data set, and the share of its prompts in the report's style (no types, no legend of words)."""
 
 ENTRANTS = tuple(entrant for group in ROUNDS for entrant in group.entrants)
 
@@ -73,7 +77,7 @@ class Quickstart:
     out: Path
     minutes: float = 12.0
     """Minutes of training, all models together."""
-    pairs: int = 24_000
+    pairs: int = 71_128
     """Pairs of the data set."""
     limit: int = 500
     """Prompts a suite."""
@@ -91,21 +95,18 @@ class Quickstart:
         self._report(results)
         return results
 
-    @property
-    def data(self) -> Path:
-        """The data set's folder."""
-        return self.out / "data"
-
     def _make_data(self) -> None:
-        if (self.data / "manifest.json").is_file():
-            return
         from strips_lm.shards import write_data_set
         from strips_lm.sources import read_sources
 
-        self.tell(f"data: {self.pairs} pairs, every plan and every corruption proven by the oracle")
-        config = RunConfig.load(None, [f"data.pairs={self.pairs}", f"seed={self.seed}"])
-        sources = read_sources(config.data.domain, config.data.problems)
-        write_data_set(self.data, config, sources, tick=self.tick or _no_tick)
+        for name, paper_share in DATA_SETS.items():
+            if (self.out / name / "manifest.json").is_file():
+                continue
+            self.tell(f"{name}: {self.pairs} pairs, every plan and every corruption proven by the oracle")
+            overrides = [f"data.pairs={self.pairs}", f"data.paper_share={paper_share}", f"seed={self.seed}"]
+            config = RunConfig.load(None, overrides)
+            sources = read_sources(config.data.domain, config.data.problems)
+            write_data_set(self.out / name, config, sources, tick=self.tick or _no_tick)
 
     def _train(self, group: Round) -> None:
         """The models of a round at the same time, each from its last checkpoint if it has one."""
@@ -134,7 +135,7 @@ class Quickstart:
     def _start(self, entrant: Entrant, minutes: float, threads: int) -> subprocess.Popen[bytes]:
         out = self._model(entrant)
         out.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, "-m", "strips_lm", "train", str(self.data), "--out", str(out)]
+        command = [sys.executable, "-m", "strips_lm", "train", str(self.out / entrant.data), "--out", str(out)]
         command += ["--preset", entrant.preset, "--model", entrant.kind]
         command += ["--set", f"train.minutes={minutes}", "--set", f"seed={self.seed}"]
         if (out / "last" / "trainer.json").is_file():
@@ -184,7 +185,7 @@ class Quickstart:
         config = RunConfig.load(
             None, [f"evaluate.limit={self.limit}", f"evaluate.pairs={self.limit}", f"seed={self.seed}"]
         )
-        data = DataFolder(self.data)
+        data = DataFolder(self.out / entrant.data)
         present = [suite for suite in config.evaluate.suites if suite in data.suites()]
         config = replace(config, evaluate=replace(config.evaluate, suites=tuple(present)))
         results = Evaluation(config, data, self.tell, self.tick).run([self._model(entrant)])
