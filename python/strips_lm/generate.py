@@ -1,7 +1,8 @@
 """A checkpoint at work: prompts in, completions out, in one of several ways of decoding.
 
 It joins a tokenizer, a model and a decoder, and knows no planning: what a completion means, and whether its plan holds,
-is for the oracle to say. A way of decoding in which the oracle takes part gets it as a function of texts.
+is for the oracle to say. A way of decoding in which the oracle takes part gets it as a function: of texts to choose
+among them, of prompts' numbers to guide the model.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from strips_lm.decode.beam import beam_search
 from strips_lm.decode.gpt2 import Gpt2Decoder
 from strips_lm.decode.loop import pad
 from strips_lm.decode.lstm import LstmDecoder
+from strips_lm.decode.masked import MaskedLoop
 from strips_lm.forward import hidden_at
+from strips_lm.guide import OracleGuide
 from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.model import checkpoint_folder, load_model
 
@@ -31,12 +34,13 @@ if TYPE_CHECKING:
 
     from strips_lm.config import GenerateConfig
     from strips_lm.decode import Decoder
+    from strips_lm.guide import Tasks
     from strips_lm.tokenizer import PlanTokenizer
 
     Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
     """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
 
-Decode = Literal["greedy", "sample", "beam", "best-of-k"]
+Decode = Literal["greedy", "sample", "beam", "best-of-k", "masked"]
 """The ways of decoding."""
 
 DECODES: tuple[str, ...] = get_args(Decode)
@@ -56,6 +60,10 @@ class Completion:
     """Whether it ended with the stop token."""
     log_probability: float
     """In nats, of all its tokens; 0 where the way of decoding does not need it."""
+    choices: int = 0
+    """`masked`: tokens that the model chose; all others were forced."""
+    removed: float = 0.0
+    """`masked`: the probability that the mask took away, summed over the choices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +74,12 @@ class Batch:
     tokens: int
     """Tokens written in all, those of discarded samples included."""
     seconds: float
+
+    @property
+    def removed_share(self) -> float | None:
+        """`masked`: the probability that the mask took away at a choice, on average; else `None`."""
+        choices = sum(c.choices for c in self.completions)
+        return sum(c.removed for c in self.completions) / choices if choices else None
 
 
 def check_decode(name: str) -> str:
@@ -110,9 +124,16 @@ class Planner:
         return hasattr(self.model, "multiple_choice_head")
 
     def complete(
-        self, prompts: Sequence[str], decode: str, judge: Judge | None = None, tick: Callable[[int], None] | None = None
+        self,
+        prompts: Sequence[str],
+        decode: str,
+        judge: Judge | None = None,
+        tick: Callable[[int], None] | None = None,
+        tasks: Tasks | None = None,
     ) -> Batch:
         """A completion of each prompt; `tick` is called with the number of prompts done so far.
+
+        `best-of-k` may need the oracle as `judge`, `masked` needs it as `tasks`.
 
         Raises:
             ConfigError: `decode` is none of `DECODES`, or asks for a head or an oracle that is not there.
@@ -123,7 +144,7 @@ class Planner:
             return self.choose(prompts, drawn, self.config.rerank, judge)
         started = time.perf_counter()
         ids, legends = self.tokenizer.encode_prompts(prompts)
-        made = self._decode(ids, decode, tick)
+        made = self._guided(ids, legends, tasks, tick) if decode == "masked" else self._decode(ids, decode, tick)
         completions = self._texts(ids, legends, made)
         return Batch(completions, sum(len(g.tokens) for g in made), time.perf_counter() - started)
 
@@ -183,11 +204,8 @@ class Planner:
         score: bool = False,
     ) -> list[Generation]:
         """Token ids to token ids."""
-        limits = Limits(stop=self.tokenizer.end_id, max_new=self.config.max_new)
-        jobs = [Job(i, draw, row) for i, row in enumerate(ids) for draw in range(draws)]
-        too_long = next((len(job.ids) for job in jobs if len(job.ids) >= self.model_context), None)
-        if too_long:
-            raise ConfigError(f"a prompt of {too_long} tokens does not fit the model's context")
+        limits = self._limits()
+        jobs = self._jobs(ids, draws)
         if decode == "beam":
             width, penalty = self.config.beams, self.config.length_penalty
             return beam_search(jobs, self._decoder, limits, width=width, penalty=penalty, rows=self.config.rows)
@@ -200,6 +218,30 @@ class Planner:
 
         return run_jobs(jobs, loop, self.workers)
 
+    def _guided(
+        self, ids: Sequence[Any], legends: Sequence[Any], tasks: Tasks | None, tick: Callable[[int], None] | None
+    ) -> list[Generation]:
+        """Token ids to token ids, the oracle saying what may come."""
+        if tasks is None:
+            raise ConfigError("`--decode masked` needs the problem to be guided by")
+        done, limits = _Counter(tick), self._limits()
+
+        def loop() -> MaskedLoop:
+            guide = OracleGuide(self.tokenizer, legends, tasks)
+            return MaskedLoop(self._decoder(self.config.rows), guide, limits, on_done=done)
+
+        return run_jobs(self._jobs(ids), loop, self.workers)
+
+    def _limits(self) -> Limits:
+        return Limits(stop=self.tokenizer.end_id, max_new=self.config.max_new)
+
+    def _jobs(self, ids: Sequence[Any], draws: int = 1) -> list[Job]:
+        """`draws` continuations to make of each prompt."""
+        too_long = next((len(row) for row in ids if len(row) >= self.model_context), None)
+        if too_long:
+            raise ConfigError(f"a prompt of {too_long} tokens does not fit the model's context")
+        return [Job(i, draw, row) for i, row in enumerate(ids) for draw in range(draws)]
+
     def _decoder(self, rows: int) -> Decoder:
         kind = LstmDecoder if isinstance(self.model, LstmLMHeadModel) else Gpt2Decoder
         return kind(self.model, rows)
@@ -207,7 +249,8 @@ class Planner:
     def _texts(self, ids: Sequence[Any], legends: Sequence[Any], made: Sequence[Generation]) -> list[Completion]:
         texts = self.tokenizer.decode_completions(ids, [g.tokens for g in made], legends)
         return [
-            Completion(text, len(g.tokens), g.finished, g.log_probability) for text, g in zip(texts, made, strict=True)
+            Completion(text, len(g.tokens), g.finished, g.log_probability, g.choices, g.removed)
+            for text, g in zip(texts, made, strict=True)
         ]
 
 

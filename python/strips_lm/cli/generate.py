@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.add_argument("model", metavar="MODEL", help="a folder that `strips-lm train` wrote")
     add_task(parser)
-    parser.add_argument("--decode", default="greedy", metavar="NAME", help="greedy, sample, beam or best-of-k")
+    parser.add_argument("--decode", default="greedy", metavar="NAME", help="greedy, sample, beam, best-of-k or masked")
     parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
     parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -51,9 +51,10 @@ class Question:
         """Reads the task; the prompt's words for actions are the domain's own."""
         self.domain = _native.Domain.parse(args.domain.read_bytes(), str(args.domain))
         problem = _native.Problem.parse(args.problem.read_bytes(), self.domain, str(args.problem))
-        task = _native.Task(self.domain, problem, max_bytes=max_bytes(args), time_limit=args.time_limit)
+        self.task = _native.Task(self.domain, problem, max_bytes=max_bytes(args), time_limit=args.time_limit)
+        self.names = [name for name, _ in problem.objects]
         self.actions = [name for name, _ in self.domain.actions]
-        self.prompt = _native.render_prompt(task, args.style, self.actions if args.style == "typed" else None)
+        self.prompt = _native.render_prompt(self.task, args.style, self.actions if args.style == "typed" else None)
         self.problem = problem.to_pddl()
         self.words = {**synonyms(self.domain.name), **{name: name for name in self.actions}}
 
@@ -67,6 +68,7 @@ class Question:
         args.overrides += [f"generate.rerank={args.rerank}"] if args.rerank else []
         config = read_config(args)
         from strips_lm.generate import Planner, check_decode  # noqa: PLC0415
+        from strips_lm.guide import Tasks  # noqa: PLC0415
 
         check_decode(args.decode)
         planner = Planner.load(args.model, config.generate, config.seed)
@@ -74,7 +76,10 @@ class Question:
         def holds(_: Sequence[int], texts: Sequence[str]) -> list[bool]:
             return [judgement.verdict.is_valid for judgement in self.judge(texts)]
 
-        return planner.complete([self.prompt], args.decode, holds).completions[0]
+        def find(prompts: Sequence[int]) -> tuple[list[_native.Task], list[Sequence[str]]]:
+            return [self.task] * len(prompts), [self.names] * len(prompts)
+
+        return planner.complete([self.prompt], args.decode, holds, tasks=Tasks(self.domain, find)).completions[0]
 
 
 def synonyms(domain: str) -> dict[str, str]:
@@ -95,6 +100,8 @@ def _print_json(question: Question, made: Completion, judgement: Judgement, vali
         "states": judgement.states_total,
         "states_right": judgement.states_right,
     }
+    if made.choices:
+        found |= {"choices": made.choices, "removed_share": made.removed / made.choices}
     print(json.dumps(found))
 
 
@@ -105,6 +112,9 @@ def _print_plan(question: Question, made: Completion, judgement: Judgement, vali
     elif judgement.plan:
         print(judgement.plan.rstrip("\n"))
     print(f"; {sentence(made, judgement, valid)}")
+    if made.choices:
+        share = 100 * made.removed / made.choices
+        print(f"; guided by the oracle: {made.choices} choices, the mask removed {share:.3g} % of the probability")
 
 
 def sentence(made: Completion, judgement: Judgement, valid: bool) -> str:

@@ -66,6 +66,17 @@ class Generation:
     """Whether it ended by the stop token."""
     log_probability: float
     """Sum over its tokens, in nats, under the whole distribution; 0 where it was not asked for."""
+    choices: int = 0
+    """Under a mask: tokens that the model chose; all others were forced."""
+    removed: float = 0.0
+    """Under a mask: the probability that it took away, summed over the choices."""
+
+
+class Runs(Protocol):
+    """A loop of any kind."""
+
+    def run(self, jobs: Sequence[Job]) -> list[Generation]:
+        """All continuations, in the order of `jobs`."""
 
 
 @dataclass(slots=True)
@@ -197,7 +208,7 @@ def pad(texts: Sequence[Sequence[int]], device: torch.device) -> tuple[Tensor, T
     return padded.to(device), counts.to(device)
 
 
-def run_jobs(jobs: Sequence[Job], make_loop: Callable[[], Loop], workers: int = 1) -> list[Generation]:
+def run_jobs(jobs: Sequence[Job], make_loop: Callable[[], Runs], workers: int = 1) -> list[Generation]:
     """All continuations in the order of `jobs`, the work split over `workers` threads of one core each.
 
     Two threads with a matrix each beat one matrix split over two: operations this small spend more time at the barrier.

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from strips_lm import _native
+from strips_lm import tokenizer as tokenizers
 from strips_lm.config import RunConfig, versions
 from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.results import Example, Model, Output, Results, Score
 from strips_lm.evaluate.suites import DataFolder, Item  # noqa: TC001  (dataclass fields are public types)
 from strips_lm.evaluate.tally import Trial, tally
 from strips_lm.generate import Batch, Planner, check_decode
+from strips_lm.guide import Tasks, canonical, check_domain
 from strips_lm.model import checkpoint_folder
 
 if TYPE_CHECKING:
@@ -50,6 +52,15 @@ class Suite:
         problems, words = [self.problems[i] for i in prompts], [self.words[i] for i in prompts]
         return _native.judge(domain, problems, list(texts), words)
 
+    def tasks(self, data: DataFolder) -> Tasks:
+        """The tasks behind the prompts, grounded when they are asked for."""
+
+        def find(prompts: Sequence[int]) -> tuple[list[_native.Task], list[Sequence[str]]]:
+            items = [self.items[i] for i in prompts]
+            return [data.task(item) for item in items], [item.names for item in items]
+
+        return Tasks(data.domain, find)
+
 
 class Evaluation:
     """One run of the evaluation; `tell` gets a line for each thing that is done, `tick` the prompts done so far."""
@@ -69,7 +80,14 @@ class Evaluation:
         self.results = Results(data=str(data.path), config=_settings(config), created=_now(), versions=versions())
 
     def run(self, folders: Sequence[str | Path]) -> Results:
-        """Evaluate each model on each suite."""
+        """Evaluate each model on each suite.
+
+        Raises:
+            ConfigError: a model cannot be decoded in one of the ways asked for.
+        """
+        if "masked" in self.config.evaluate.decodes:
+            for folder in folders:
+                check_domain(canonical(tokenizers.load(checkpoint_folder(folder))), self.data.domain)
         for name, folder in zip(model_names(folders), folders, strict=True):
             planner = Planner.load(folder, self.config.generate, self.config.seed)
             self.results.models.append(describe(name, folder, planner))
@@ -83,7 +101,8 @@ class Evaluation:
             if decode == "best-of-k":
                 self._best_of_k(planner, name, suite)
             else:
-                made = planner.complete([i.prompt for i in suite.items], decode, tick=self._ticker(name, suite, decode))
+                ticker, tasks = self._ticker(name, suite, decode), suite.tasks(self.data)
+                made = planner.complete([i.prompt for i in suite.items], decode, tick=ticker, tasks=tasks)
                 self._score(name, suite, decode, made)
         pairs = self.data.items(suite.name, self.config.evaluate.pairs, distinct=False)
         found = measure(planner, name, suite.name, pairs)
@@ -111,13 +130,14 @@ class Evaluation:
             model=name,
             suite=suite.name,
             decode=decode,
-            oracle_helps=decode.endswith("oracle"),
+            oracle_helps=decode == "masked" or decode.endswith("oracle"),
             texts=texts,
             finished=[c.finished for c in made.completions],
             optimal_steps=[item.optimal_steps for item in suite.items],
             tokens=made.tokens,
             seconds=made.seconds,
             verify_seconds=time.perf_counter() - started,
+            removed_share=made.removed_share,
         )
         score = tally(trial, judgements)
         self.results.scores.append(score)
@@ -167,7 +187,8 @@ def _line(score: Score) -> str:
     where = f"{score.model} {score.suite} {score.decode}"
     spread = f"[{100 * score.valid_low:.1f}, {100 * score.valid_high:.1f}]"
     speed = f"{score.prompts_per_second:.0f} prompts/s"
-    return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}, {speed}"
+    mask = "" if score.removed_share is None else f", the mask removed {100 * score.removed_share:.3g} %"
+    return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}, {speed}{mask}"
 
 
 def _settings(config: RunConfig) -> dict[str, Any]:

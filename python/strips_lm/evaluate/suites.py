@@ -60,6 +60,7 @@ class DataFolder:
             "problem"
         ].to_pylist()
         self.synonyms = read_synonyms(self.path / "lexicon.toml")
+        self._tasks: dict[int, _native.Task] = {}
 
     def suites(self) -> list[str]:
         """The splits that are there, by name."""
@@ -90,6 +91,14 @@ class DataFolder:
         """The record's own PDDL problem, with its names."""
         problem = _native.Problem.parse(self.problems[item.problem_id], self.domain)
         return problem.rename(item.names).to_pddl()
+
+    def task(self, item: Item) -> _native.Task:
+        """The task that the record shares with others of its problem; its objects have the problem's names."""
+        found = self._tasks.get(item.problem_id)
+        if found is None:
+            problem = _native.Problem.parse(self.problems[item.problem_id], self.domain)
+            found = self._tasks[item.problem_id] = _native.Task(self.domain, problem)
+        return found
 
     def words(self, item: Item) -> dict[str, str]:
         """Every word that may stand for an action in the record, its own words first of all."""

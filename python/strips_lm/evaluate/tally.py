@@ -30,6 +30,7 @@ class Trial:
     tokens: int
     seconds: float
     verify_seconds: float
+    removed_share: float | None = None
 
 
 def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
@@ -64,6 +65,7 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
         tokens_per_second=trial.tokens / trial.seconds if trial.seconds else 0.0,
         verify_seconds=trial.verify_seconds,
         digest=digest(trial.texts),
+        removed_share=trial.removed_share,
     )
 
 

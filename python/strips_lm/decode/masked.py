@@ -1,0 +1,173 @@
+"""Decoding under a guide that says at every position which tokens may come, and which must.
+
+The model is asked only where there is a choice: of the tokens allowed there the likeliest is taken. What the guide
+forces after it is appended and fed together with it, so that a text costs a model call a choice and not a token. How
+much probability the mask took away is counted at every choice. It knows token ids, a decoder and a guide; no text, no
+model, no planning.
+
+Price: a call is as wide as the longest chunk among its rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+import torch
+
+from strips_lm.decode.loop import Generation, pad
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from strips_lm.decode.loop import Decoder, Job, Limits
+
+
+class Guide(Protocol):
+    """Follows texts after their prompts, each in a row with a number of the guide's own."""
+
+    step: int
+    """The token that begins a step: a text that runs out of room is cut before one."""
+
+    def add(self, prompts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
+        """Begin a row for each prompt; the rows' numbers, and the tokens forced in each."""
+
+    def mask(self, rows: Sequence[int]) -> NDArray[np.bool_]:
+        """Which tokens may come next: flags (rows, vocabulary)."""
+
+    def advance(self, rows: Sequence[int], tokens: Sequence[int]) -> list[list[int]]:
+        """Take the token chosen in each row; the tokens forced after it."""
+
+    def is_open(self, rows: Sequence[int]) -> list[bool]:
+        """Of each row whether any token may come."""
+
+    def remove(self, rows: Sequence[int]) -> None:
+        """Forget rows."""
+
+
+@dataclass(slots=True)
+class _Text:
+    """One continuation in the making."""
+
+    job: Job
+    row: int
+    """The guide's number for it."""
+    room: int
+    """Tokens it may have."""
+    tokens: list[int] = field(default_factory=list)
+    fed: int = 0
+    """Tokens that the decoder has read."""
+    choices: int = 0
+    removed: float = 0.0
+
+    def chunk(self) -> list[int]:
+        """The tokens not yet fed; they count as fed from here on."""
+        start, self.fed = self.fed, len(self.tokens)
+        return self.tokens[start:]
+
+    def is_full(self, stop: int) -> bool:
+        """Whether no more tokens, or not even these, have room."""
+        return len(self.tokens) > self.room or (len(self.tokens) == self.room and self.tokens[-1] != stop)
+
+    def generation(self, stop: int, step: int) -> Generation:
+        """The text as a value, without a last step that has no room."""
+        tokens = self.tokens
+        if self.is_full(stop):
+            tokens = tokens[: max((i for i in range(self.room + 1) if tokens[i : i + 1] == [step]), default=0)]
+        finished = tokens[-1:] == [stop]
+        return Generation(self.job.prompt, self.job.draw, tokens, finished, 0.0, self.choices, self.removed)
+
+
+class MaskedLoop:
+    """Runs jobs through one decoder under one guide."""
+
+    def __init__(
+        self,
+        decoder: Decoder,
+        guide: Guide,
+        limits: Limits,
+        *,
+        on_done: Callable[[Generation], None] | None = None,
+    ) -> None:
+        """`on_done` is called for each finished text."""
+        self.decoder, self.guide, self.limits, self.on_done = decoder, guide, limits, on_done
+        self.capacity = len(decoder.lengths)
+        self.device = decoder.lengths.device
+        self.texts: list[_Text] = []
+        self.done: dict[tuple[int, int], Generation] = {}
+
+    @torch.inference_mode()
+    def run(self, jobs: Sequence[Job]) -> list[Generation]:
+        """All continuations, in the order of `jobs`."""
+        waiting = sorted(jobs, key=lambda job: len(job.ids))
+        logits = torch.empty(0, 0)
+        while waiting or self.texts:
+            if waiting and len(self.texts) <= self.capacity * 3 // 4:
+                logits = self._admit(waiting, logits)
+            if self.texts:
+                self._choose(logits)
+                self._retire()
+            if self.texts:
+                logits = self.decoder.feed(0, *pad([text.chunk() for text in self.texts], self.device))
+        return [self.done[job.prompt, job.draw] for job in jobs]
+
+    def _admit(self, waiting: list[Job], logits: Tensor) -> Tensor:
+        """Begin the longest waiting prompts in the free rows; the logits of all rows at work."""
+        first = len(self.texts)
+        new = [waiting.pop() for _ in range(min(self.capacity - first, len(waiting)))]
+        rows, forced = self.guide.add([job.prompt for job in new])
+        fresh = [_Text(job, row, self._room(job)) for job, row in zip(new, rows, strict=True)]
+        for text, tokens in zip(fresh, forced, strict=True):
+            text.tokens.extend(tokens)
+        fresh = [text for text, ended in zip(fresh, self._ended(fresh), strict=True) if not ended]
+        if not fresh:
+            return logits
+        self.texts.extend(fresh)
+        self.decoder.clear(first, len(fresh))
+        whole = [[*map(int, text.job.ids), *text.chunk()] for text in fresh]
+        found = self.decoder.feed(first, *pad(whole, self.device))
+        return torch.cat([logits, found]) if first else found
+
+    def _room(self, job: Job) -> int:
+        """Tokens that a text may have; the context need not hold the last, which is never fed."""
+        return min(self.limits.max_new, self.decoder.context + 1 - len(job.ids))
+
+    def _choose(self, logits: Tensor) -> None:
+        """The likeliest allowed token of each row, and what is forced after it."""
+        rows = [text.row for text in self.texts]
+        allowed = torch.from_numpy(self.guide.mask(rows)).to(logits.device)
+        removed = logits.float().softmax(-1).masked_fill_(allowed, 0.0).sum(-1).tolist()
+        tokens = logits.masked_fill(~allowed, -torch.inf).argmax(-1).tolist()
+        forced = self.guide.advance(rows, tokens)
+        for text, token, after, share in zip(self.texts, tokens, forced, removed, strict=True):
+            text.tokens.extend([token, *after])
+            text.choices += 1
+            text.removed += share
+
+    def _retire(self) -> None:
+        """Report the texts that are over, and move the last going rows into their places."""
+        ended = torch.tensor(self._ended(self.texts))
+        going = (~ended).nonzero()[:, 0]
+        left = len(going)
+        sources, targets = going[going >= left], ended[:left].nonzero()[:, 0]
+        self.decoder.move(sources.to(self.device), targets.to(self.device))
+        for source, target in zip(sources.tolist(), targets.tolist(), strict=True):
+            self.texts[target] = self.texts[source]
+        del self.texts[left:]
+
+    def _ended(self, texts: Sequence[_Text]) -> list[bool]:
+        """Of each text whether nothing comes after it; those are reported."""
+        going = self.guide.is_open([text.row for text in texts])
+        ended = [text.is_full(self.limits.stop) or not more for text, more in zip(texts, going, strict=True)]
+        over = [text for text, end in zip(texts, ended, strict=True) if end]
+        self.guide.remove([text.row for text in over])
+        for text in over:
+            made = text.generation(self.limits.stop, self.guide.step)
+            self.done[made.prompt, made.draw] = made
+            if self.on_done is not None:
+                self.on_done(made)
+        return ended

@@ -1,0 +1,109 @@
+"""The oracle as a guide for masked decoding: the automaton of executable plans, for numbered prompts.
+
+It joins the tokenizer's words and the prompts' tasks; what may come next is decided in Rust. Canonical words only: in
+them an operator is a fixed sequence of tokens, which it is not where names are spelled.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from strips_lm import _native
+from strips_lm.config import ConfigError
+from strips_lm.tokenizer import CanonicalTokenizer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from strips_lm.tokenizer import PlanTokenizer
+
+
+@dataclass(frozen=True, slots=True)
+class Tasks:
+    """The oracle as masked decoding needs it."""
+
+    domain: _native.Domain
+    """The domain of all tasks."""
+    find: Callable[[Sequence[int]], tuple[list[_native.Task], list[Sequence[str]]]]
+    """The tasks of the prompts of these numbers, and each prompt's names of its task's objects."""
+
+
+class OracleGuide:
+    """A `decode.masked.Guide` that lets through what begins an executable plan through states not yet visited."""
+
+    def __init__(self, tokenizer: PlanTokenizer, legends: Sequence[Any], tasks: Tasks) -> None:
+        """A guide for the prompts that `legends` belong to.
+
+        Raises:
+            ConfigError: the tokenizer is not canonical, or of another domain than the tasks.
+        """
+        words = canonical(tokenizer)
+        check_domain(words, tasks.domain)
+        self.legends, self.tasks, self.step = legends, tasks, words.ids["<ACTION>"]
+        self.decoder = _native.MaskedDecoder(words.codec, words.words)
+
+    def add(self, prompts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
+        """Begin a row for each prompt; the rows' numbers, and the tokens forced in each."""
+        tasks, names = self.tasks.find(prompts)
+        first, forced = self.decoder.add(tasks, [self.legends[i] for i in prompts], names)
+        return list(range(first, first + len(prompts))), forced
+
+    def mask(self, rows: Sequence[int]) -> NDArray[np.bool_]:
+        """Which tokens may come next: flags (rows, vocabulary)."""
+        return self.decoder.mask(rows)
+
+    def advance(self, rows: Sequence[int], tokens: Sequence[int]) -> list[list[int]]:
+        """Take the token chosen in each row; the tokens forced after it."""
+        return self.decoder.advance(rows, tokens)
+
+    def is_open(self, rows: Sequence[int]) -> list[bool]:
+        """Of each row whether any token may come."""
+        return [status == "open" for status in self.decoder.status(rows)]
+
+    def remove(self, rows: Sequence[int]) -> None:
+        """Forget rows."""
+        self.decoder.remove(rows)
+
+
+def canonical(tokenizer: PlanTokenizer) -> CanonicalTokenizer:
+    """The tokenizer, if the oracle can guide in its words.
+
+    Raises:
+        ConfigError: it is another one.
+    """
+    if isinstance(tokenizer, CanonicalTokenizer):
+        return tokenizer
+    raise ConfigError(
+        "`--decode masked` needs a model on canonical words; this one spells names\n"
+        "hint: train with `--set tokenizer.kind=canonical`"
+    )
+
+
+def check_domain(tokenizer: CanonicalTokenizer, domain: _native.Domain) -> None:
+    """Refuse a domain whose operators the tokenizer's words do not say.
+
+    Raises:
+        ConfigError: predicates or actions differ from those of the domain that the model was trained on.
+    """
+    known = json.loads(tokenizer.codec.to_json())["domains"]
+    asked = _signature(domain)
+    for trained in known:
+        predicates = [(p["name"], p["arity"]) for p in trained["predicates"]]
+        if (predicates, [tuple(action) for action in trained["actions"]]) == asked:
+            return
+    names = ", ".join(trained["name"] for trained in known)
+    raise ConfigError(
+        f"`--decode masked`: the model was trained on `{names}`, and the predicates or actions of "
+        f"`{domain.name}` are not the same"
+    )
+
+
+def _signature(domain: _native.Domain) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+    """Predicates and actions with the numbers of their parameters, in order."""
+    predicates = [(name, len(types)) for name, types in domain.predicates]
+    return predicates, [(name, len(types)) for name, types in domain.actions]

@@ -1,0 +1,235 @@
+"""Under the oracle's mask even a model that knows nothing writes only steps that can be executed."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+torch = pytest.importorskip("torch")
+torch.set_num_threads(1)
+
+from transformers import GPT2Config, GPT2LMHeadModel  # noqa: E402
+
+from strips_lm import _native  # noqa: E402
+from strips_lm.cli import main  # noqa: E402
+from strips_lm.config import ConfigError, RunConfig  # noqa: E402
+from strips_lm.evaluate.evaluation import Evaluation  # noqa: E402
+from strips_lm.evaluate.suites import DataFolder  # noqa: E402
+from strips_lm.generate import Batch, Planner  # noqa: E402
+from strips_lm.guide import Tasks  # noqa: E402
+from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
+from strips_lm.tokenizer import BpeTokenizer, CanonicalTokenizer  # noqa: E402
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MANIPULATION = Path(str(files("strips_lm"))) / "domains" / "manipulation"
+PROBLEM = """(define (problem small-{number}) (:domain manipulation)
+  (:objects shelf_{number} - fixture samovar - vessel {extra})
+  (:init (inworkspace table) (inworkspace shelf_{number}) (inworkspace samovar) (on samovar table) {more})
+  (:goal (and {goal})))"""
+EXTRAS = (
+    ("", ""),
+    ("tea - movable", "(inworkspace tea) (on tea table)"),
+    ("tea cake - movable", "(inworkspace tea) (inworkspace cake) (on tea table) (on cake table)"),
+)
+GOALS = ("(on samovar shelf_{number})", "(opened samovar)", "(inhand samovar)", "(on samovar table)")
+KEYS = ["generate.workers=1", "generate.max_new=400"]
+
+
+class Questions:
+    """Problems, their prompts, and the oracle's judgement of answers."""
+
+    def __init__(self, domain: Path, problems: Sequence[str]) -> None:
+        self.domain = _native.Domain.parse(domain.read_bytes())
+        self.problems = [_native.Problem.parse(text, self.domain) for text in problems]
+        self.tasks = [_native.Task(self.domain, problem) for problem in self.problems]
+        self.actions = [name for name, _ in self.domain.actions]
+        self.prompts = [_native.render_prompt(task, "typed", self.actions) for task in self.tasks]
+
+    def oracle(self) -> Tasks:
+        def find(prompts: Sequence[int]) -> tuple[list[_native.Task], list[Sequence[str]]]:
+            names = [[name for name, _ in self.problems[i].objects] for i in prompts]
+            return [self.tasks[i] for i in prompts], names
+
+        return Tasks(self.domain, find)
+
+    def judge(self, made: Batch) -> list[_native.Judgement]:
+        problems = [problem.to_pddl() for problem in self.problems]
+        words = [{name: name for name in self.actions}] * len(problems)
+        return _native.judge(self.domain, problems, [c.text for c in made.completions], words)
+
+
+@pytest.fixture(scope="module")
+def questions() -> Questions:
+    problems = []
+    for goal in GOALS:
+        for extra, more in EXTRAS:
+            number = len(problems)
+            problems.append(PROBLEM.format(number=number, extra=extra, more=more, goal=goal.format(number=number)))
+    return Questions(MANIPULATION / "domain.pddl", problems)
+
+
+def tokenizer() -> CanonicalTokenizer:
+    domain = _native.Domain.parse((MANIPULATION / "domain.pddl").read_bytes())
+    return CanonicalTokenizer(_native.CanonicalCodec(domain), 16)
+
+
+def untrained(seed: int, positions: int = 512) -> Any:
+    torch.manual_seed(seed)
+    sizes = {"n_positions": positions, "n_embd": 32, "n_layer": 2, "n_head": 2}
+    ends = {"bos_token_id": tokenizer().start_id, "eos_token_id": tokenizer().end_id}
+    return GPT2LMHeadModel(GPT2Config(vocab_size=tokenizer().vocab_size, **sizes, **ends)).eval()
+
+
+def planner(seed: int = 1, *overrides: str) -> Planner:
+    return Planner(untrained(seed), tokenizer(), RunConfig.load(None, [*KEYS, *overrides]).generate)
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("model")
+    untrained(1).save_pretrained(folder)
+    tokenizer().save_pretrained(folder)
+    return folder
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_step_can_be_executed_and_every_text_that_ends_is_valid(questions: Questions, seed: int) -> None:
+    made = planner(seed).complete(questions.prompts, "masked", tasks=questions.oracle())
+    for completion, judgement in zip(made.completions, questions.judge(made), strict=True):
+        assert judgement.executable_steps == judgement.steps
+        assert completion.finished == judgement.finished
+        assert judgement.states_right == judgement.states_total == judgement.steps
+        assert completion.finished == judgement.verdict.is_valid
+    assert any(c.finished and c.choices for c in made.completions)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_state_comes_twice(questions: Questions, seed: int) -> None:
+    made = planner(seed).complete(questions.prompts, "masked", tasks=questions.oracle())
+    for completion in made.completions:
+        steps = _native.parse_completions([completion.text])[0].steps
+        states = [frozenset((name, *parts) for name, parts in state or ()) for _, state in steps]
+        assert len(set(states)) == len(states)
+
+
+def test_a_goal_that_holds_already_needs_no_step(questions: Questions) -> None:
+    made = planner().complete(questions.prompts, "masked", tasks=questions.oracle()).completions
+    done = [c for c, prompt in zip(made, questions.prompts, strict=True) if "<GOAL> on(samovar, table)" in prompt]
+    assert len(done) == len(EXTRAS)
+    assert all((c.tokens, c.finished, c.choices) == (1, True, 0) for c in done)
+
+
+@pytest.mark.parametrize("overrides", [["generate.rows=1"], ["generate.rows=3"], ["generate.workers=2"]])
+def test_batch_size_and_threads_do_not_change_the_plans(questions: Questions, overrides: list[str]) -> None:
+    eight = planner(2, "generate.rows=8").complete(questions.prompts, "masked", tasks=questions.oracle())
+    other = planner(2, *overrides).complete(questions.prompts, "masked", tasks=questions.oracle())
+    assert [c.text for c in eight.completions] == [c.text for c in other.completions]
+    assert eight.removed_share == pytest.approx(other.removed_share, rel=1e-4)
+
+
+def test_what_the_mask_removed_is_the_models_own_probability(questions: Questions) -> None:
+    found = planner(3)
+    ids, legends = found.tokenizer.encode_prompts(questions.prompts)
+    made = found._guided(ids, legends, questions.oracle(), None)
+    for number, generation in enumerate(made):
+        total, choices = slow_replay(found, questions, number, legends[number], list(map(int, ids[number])), generation)
+        assert generation.choices == choices
+        assert generation.removed == pytest.approx(total, rel=1e-4, abs=1e-6)
+
+
+def slow_replay(
+    found: Planner, questions: Questions, number: int, legend: Any, text: list[int], generation: Any
+) -> tuple[float, int]:
+    """The text token by token, the model asked anew at each choice: (removed, choices); the likeliest must be there."""
+    words = tokenizer()
+    guide = _native.MaskedDecoder(words.codec, words.words)
+    _, ((*forced,),) = guide.add([questions.tasks[number]], [legend])
+    total, choices, made = 0.0, 0, list(generation.tokens)
+    while True:
+        text, made = text + made[: len(forced)], made[len(forced) :]
+        if not made:
+            return total, choices
+        mask = torch.from_numpy(guide.mask([0])[0])
+        with torch.no_grad():
+            share = found.model(torch.tensor([text])).logits[0, -1].softmax(-1)
+        assert int((share * mask).argmax()) == made[0]
+        total, choices = total + float(share[~mask].sum()), choices + 1
+        forced = [made[0], *guide.advance([0], [made[0]])[0]]
+
+
+def test_a_text_without_room_is_cut_after_a_whole_step(questions: Questions) -> None:
+    longest = max(len(ids) for ids in tokenizer().encode_prompts(questions.prompts)[0])
+    model = untrained(4, positions=longest + 12)
+    for config in (RunConfig.load(None, KEYS).generate, RunConfig.load(None, [*KEYS, "generate.max_new=7"]).generate):
+        found = Planner(model, tokenizer(), config)
+        ids, _ = found.tokenizer.encode_prompts(questions.prompts)
+        made = found.complete(questions.prompts, "masked", tasks=questions.oracle())
+        judged = questions.judge(made)
+        for row, completion, judgement in zip(ids, made.completions, judged, strict=True):
+            assert completion.tokens <= min(config.max_new, model.config.n_positions + 1 - len(row))
+            assert judgement.executable_steps == judgement.steps == judgement.states_right
+            assert completion.finished == judgement.verdict.is_valid
+        assert any(c.tokens and not c.finished for c in made.completions)
+
+
+def test_an_lstm_can_be_guided_too(questions: Questions) -> None:
+    torch.manual_seed(5)
+    model = LstmLMHeadModel(LstmConfig(vocab_size=tokenizer().vocab_size, embedding_size=16, hidden_size=24)).eval()
+    found = Planner(model, tokenizer(), RunConfig.load(None, KEYS).generate)
+    made = found.complete(questions.prompts, "masked", tasks=questions.oracle())
+    judged = zip(made.completions, questions.judge(made), strict=True)
+    assert all(judgement.verdict.is_valid for completion, judgement in judged if completion.finished)
+
+
+def test_spelled_names_cannot_be_guided(questions: Questions) -> None:
+    bpe = BpeTokenizer.train(questions.prompts, 300)
+    found = Planner(untrained(1), bpe, RunConfig.load(None, KEYS).generate)
+    with pytest.raises(ConfigError, match="needs a model on canonical words"):
+        found.complete(questions.prompts, "masked", tasks=questions.oracle())
+
+
+def test_another_domain_is_refused(questions: Questions, cups: Any) -> None:
+    other = Questions(cups.domain, [cups.problem.read_text()])
+    with pytest.raises(ConfigError, match=r"trained on `manipulation`.* `cups`"):
+        planner().complete(questions.prompts, "masked", tasks=other.oracle())
+
+
+def test_without_the_problem_there_is_no_mask(questions: Questions) -> None:
+    with pytest.raises(ConfigError, match="needs the problem"):
+        planner().complete(questions.prompts, "masked")
+
+
+def test_generate_answers_a_problem_of_the_users_own(
+    checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    problem = tmp_path / "kitchen.pddl"
+    problem.write_text(PROBLEM.format(number=0, extra="", more="", goal="(on samovar shelf_0)"))
+    command = ["generate", str(checkpoint), str(MANIPULATION / "domain.pddl"), str(problem), "--decode", "masked"]
+    assert main([*command, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["valid"]
+    assert found["choices"] > 0
+    assert 0.0 < found["removed_share"] < 1.0
+    assert main(command) == 0
+    assert "the mask removed" in capsys.readouterr().out
+
+
+def test_evaluate_sets_the_mask_apart(checkpoint: Path, tmp_path: Path) -> None:
+    small = ["--pairs=60", "--seed=7", "--set=data.suite_records=12", "--set=data.random_problems=20"]
+    few = ["--set=data.problems_per_template=4", "--set=data.states_per_start=100", "--jobs=1"]
+    assert main(["gen-data", f"--out={tmp_path / 'data'}", *small, *few]) == 0
+    keys = ['evaluate.decodes=["greedy", "masked"]', 'evaluate.suites=["seen"]', "evaluate.pairs=4"]
+    config = RunConfig.load(None, [*KEYS, *keys])
+    free, guided = Evaluation(config, DataFolder(tmp_path / "data"), lambda _: None).run([checkpoint]).scores
+    assert (free.oracle_helps, free.removed_share) == (False, None)
+    assert guided.oracle_helps
+    assert 0.0 < (guided.removed_share or 0.0) < 1.0
+    assert guided.executable_share == 1.0
+    assert guided.valid == guided.prompts - guided.unfinished
+    assert guided.valid > free.valid
