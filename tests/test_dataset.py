@@ -91,10 +91,18 @@ def test_steps_of_pairs_hold_that_many(data):
     assert {len(part) for part in steps} == {4}
 
 
-def test_buckets_waste_little(data):
-    batches = [b for part in epoch_order(data, PLAN, 0, 0) for b in build_step(data, part, PLAN, Dress(), (0,)).batches]
-    padded = sum(batch.input_ids.numel() for batch in batches)
-    assert padded < 1.15 * data.lengths.sum()
+def test_batches_of_a_step_waste_little(data):
+    plan = Plan(step_tokens=8000, step_pairs=0, batch_tokens=2000)
+    steps = [build_step(data, records, plan, Dress(), (0,)) for records in epoch_order(data, plan, 0, 0)]
+    padded = sum(batch.input_ids.numel() for step in steps for batch in step.batches)
+    assert padded < 1.3 * data.lengths.sum()
+
+
+def test_every_step_mixes_lengths(data):
+    plan = Plan(step_tokens=3000, step_pairs=0, batch_tokens=2000)
+    *steps, _ = epoch_order(data, plan, 0, 0)
+    means = [data.lengths[records].mean() for records in steps]
+    assert max(means) < 1.5 * min(means)
 
 
 @pytest.mark.parametrize("world", [2, 3])

@@ -1,10 +1,12 @@
-"""From tokenized pairs to batches: order by (seed, epoch), buckets of like length, a token budget.
+"""From tokenized pairs to batches: order by (seed, epoch), steps that mix lengths, batches of like length.
 
 An epoch is one permutation of the records, a pure function of (seed, epoch). It is cut into steps of `step_tokens`
 scored and unscored tokens (or of `step_pairs` pairs); the records of a step are sorted by length and cut into
-batches of at most `batch_tokens` padded tokens, and every process takes each `world`-th row of a batch. What a
-record looks like (slots renumbered, position offset, whether its negative comes along) is a function of (seed, epoch,
-record), so that a run can go on from any step without any other state. This module knows numbers, not text.
+batches of at most `batch_tokens` padded tokens, and every process takes each `world`-th row of a batch. A step mixes
+all lengths on purpose: steps of one length each have no padding, but learn half as fast a token
+(docs/experiments.md). What a record looks like (slots renumbered, position offset, whether its negative comes along)
+is a function of (seed, epoch, record), so that a run can go on from any step without any other state. This module
+knows numbers, not text.
 """
 
 from __future__ import annotations
@@ -131,18 +133,7 @@ class Step:
 
 def epoch_order(data: PlanDataset, plan: Plan, seed: int, epoch: int) -> list[NDArray[np.int64]]:
     """The records of each step of an epoch: a function of (data, plan, seed, epoch) alone."""
-    rng = np.random.default_rng((seed, epoch, 0))
-    order = rng.permutation(data.kept)
-    lengths = data.lengths
-    steps: list[NDArray[np.int64]] = []
-    for start in range(0, len(order), POOL):
-        pool = order[start : start + POOL]
-        steps += _cut(pool[np.argsort(lengths[pool], kind="stable")], lengths, plan)
-    return [steps[index] for index in rng.permutation(len(steps))]
-
-
-POOL = 8192
-"""Records that are sorted by length together; wide enough for little padding, narrow enough for fresh mixtures."""
+    return _cut(np.random.default_rng((seed, epoch, 0)).permutation(data.kept), data.lengths, plan)
 
 
 def _cut(records: NDArray[np.int64], lengths: NDArray[np.int64], plan: Plan) -> list[NDArray[np.int64]]:
@@ -164,6 +155,7 @@ def build_step(
     world: int = 1,
 ) -> Step:
     """The batches of one step for process `rank` of `world`; `seed` fixes every random choice in it."""
+    records = records[np.argsort(data.lengths[records], kind="stable")]
     groups = _dress(data, records, dress, np.random.default_rng(tuple(seed)))
     cuts = _cut_batches(groups, plan.batch_tokens)
     return Step(
