@@ -34,7 +34,7 @@ def score(model: str, suite: str, valid: int, decode: str = "greedy") -> Score:
         model=model,
         suite=suite,
         decode=decode,
-        oracle_helps=decode == "masked" or decode.endswith("oracle"),
+        oracle_helps=decode in ("masked", "search") or decode.endswith("oracle"),
         prompts=200,
         valid=valid,
         valid_low=low,

@@ -17,9 +17,12 @@ from transformers import GPT2Config, GPT2LMHeadModel  # noqa: E402
 from strips_lm import _native  # noqa: E402
 from strips_lm.cli import main  # noqa: E402
 from strips_lm.config import ConfigError, RunConfig  # noqa: E402
+from strips_lm.decode.gpt2 import Gpt2Decoder  # noqa: E402
+from strips_lm.decode.loop import pad  # noqa: E402
+from strips_lm.decode.lstm import LstmDecoder  # noqa: E402
 from strips_lm.evaluate.evaluation import Evaluation  # noqa: E402
 from strips_lm.evaluate.suites import DataFolder  # noqa: E402
-from strips_lm.generate import Batch, Planner  # noqa: E402
+from strips_lm.generate import GUIDED, Batch, Planner  # noqa: E402
 from strips_lm.guide import Tasks  # noqa: E402
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
 from strips_lm.tokenizer import BpeTokenizer, CanonicalTokenizer  # noqa: E402
@@ -79,11 +82,18 @@ def tokenizer() -> CanonicalTokenizer:
     return CanonicalTokenizer(_native.CanonicalCodec(domain), 16)
 
 
-def untrained(seed: int, positions: int = 512) -> Any:
+def untrained(seed: int, positions: int = 512, words: CanonicalTokenizer | None = None) -> Any:
     torch.manual_seed(seed)
+    words = words or tokenizer()
     sizes = {"n_positions": positions, "n_embd": 32, "n_layer": 2, "n_head": 2}
-    ends = {"bos_token_id": tokenizer().start_id, "eos_token_id": tokenizer().end_id}
-    return GPT2LMHeadModel(GPT2Config(vocab_size=tokenizer().vocab_size, **sizes, **ends)).eval()
+    ends = {"bos_token_id": words.start_id, "eos_token_id": words.end_id}
+    return GPT2LMHeadModel(GPT2Config(vocab_size=words.vocab_size, **sizes, **ends)).eval()
+
+
+def untrained_lstm() -> Any:
+    torch.manual_seed(5)
+    sizes = {"embedding_size": 16, "hidden_size": 24}
+    return LstmLMHeadModel(LstmConfig(vocab_size=tokenizer().vocab_size, **sizes)).eval()
 
 
 def planner(seed: int = 1, *overrides: str) -> Planner:
@@ -98,9 +108,12 @@ def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.parametrize("decode", GUIDED)
 @pytest.mark.parametrize("seed", range(5))
-def test_every_step_can_be_executed_and_every_text_that_ends_is_valid(questions: Questions, seed: int) -> None:
-    made = planner(seed).complete(questions.prompts, "masked", tasks=questions.oracle())
+def test_every_step_can_be_executed_and_every_text_that_ends_is_valid(
+    questions: Questions, seed: int, decode: str
+) -> None:
+    made = planner(seed).complete(questions.prompts, decode, tasks=questions.oracle())
     for completion, judgement in zip(made.completions, questions.judge(made), strict=True):
         assert judgement.executable_steps == judgement.steps
         assert completion.finished == judgement.finished
@@ -109,26 +122,31 @@ def test_every_step_can_be_executed_and_every_text_that_ends_is_valid(questions:
     assert any(c.finished and c.choices for c in made.completions)
 
 
+@pytest.mark.parametrize("decode", GUIDED)
 @pytest.mark.parametrize("seed", range(5))
-def test_no_state_comes_twice(questions: Questions, seed: int) -> None:
-    made = planner(seed).complete(questions.prompts, "masked", tasks=questions.oracle())
+def test_no_state_comes_twice(questions: Questions, seed: int, decode: str) -> None:
+    made = planner(seed).complete(questions.prompts, decode, tasks=questions.oracle())
     for completion in made.completions:
         steps = _native.parse_completions([completion.text])[0].steps
         states = [frozenset((name, *parts) for name, parts in state or ()) for _, state in steps]
         assert len(set(states)) == len(states)
 
 
-def test_a_goal_that_holds_already_needs_no_step(questions: Questions) -> None:
-    made = planner().complete(questions.prompts, "masked", tasks=questions.oracle()).completions
+@pytest.mark.parametrize("decode", GUIDED)
+def test_a_goal_that_holds_already_needs_no_step(questions: Questions, decode: str) -> None:
+    made = planner().complete(questions.prompts, decode, tasks=questions.oracle()).completions
     done = [c for c, prompt in zip(made, questions.prompts, strict=True) if "<GOAL> on(samovar, table)" in prompt]
     assert len(done) == len(EXTRAS)
     assert all((c.tokens, c.finished, c.choices) == (1, True, 0) for c in done)
 
 
+@pytest.mark.parametrize("decode", GUIDED)
 @pytest.mark.parametrize("overrides", [["generate.rows=1"], ["generate.rows=3"], ["generate.workers=2"]])
-def test_batch_size_and_threads_do_not_change_the_plans(questions: Questions, overrides: list[str]) -> None:
-    eight = planner(2, "generate.rows=8").complete(questions.prompts, "masked", tasks=questions.oracle())
-    other = planner(2, *overrides).complete(questions.prompts, "masked", tasks=questions.oracle())
+def test_batch_size_and_threads_do_not_change_the_plans(
+    questions: Questions, overrides: list[str], decode: str
+) -> None:
+    eight = planner(2, "generate.rows=8").complete(questions.prompts, decode, tasks=questions.oracle())
+    other = planner(2, *overrides).complete(questions.prompts, decode, tasks=questions.oracle())
     assert [c.text for c in eight.completions] == [c.text for c in other.completions]
     assert eight.removed_share == pytest.approx(other.removed_share, rel=1e-4)
 
@@ -136,7 +154,7 @@ def test_batch_size_and_threads_do_not_change_the_plans(questions: Questions, ov
 def test_what_the_mask_removed_is_the_models_own_probability(questions: Questions) -> None:
     found = planner(3)
     ids, legends = found.tokenizer.encode_prompts(questions.prompts)
-    made = found._guided(ids, legends, questions.oracle(), None)
+    made = found._guided(ids, legends, "masked", questions.oracle())
     for number, generation in enumerate(made):
         total, choices = slow_replay(found, questions, number, legends[number], list(map(int, ids[number])), generation)
         assert generation.choices == choices
@@ -163,34 +181,65 @@ def slow_replay(
         forced = [made[0], *guide.advance([0], [made[0]])[0]]
 
 
-def test_a_text_without_room_is_cut_after_a_whole_step(questions: Questions) -> None:
+@pytest.mark.parametrize("decode", GUIDED)
+def test_a_text_without_room_is_cut_after_a_whole_step(questions: Questions, decode: str) -> None:
     longest = max(len(ids) for ids in tokenizer().encode_prompts(questions.prompts)[0])
     model = untrained(4, positions=longest + 12)
     for config in (RunConfig.load(None, KEYS).generate, RunConfig.load(None, [*KEYS, "generate.max_new=7"]).generate):
         found = Planner(model, tokenizer(), config)
         ids, _ = found.tokenizer.encode_prompts(questions.prompts)
-        made = found.complete(questions.prompts, "masked", tasks=questions.oracle())
+        made = found.complete(questions.prompts, decode, tasks=questions.oracle())
         judged = questions.judge(made)
         for row, completion, judgement in zip(ids, made.completions, judged, strict=True):
             assert completion.tokens <= min(config.max_new, model.config.n_positions + 1 - len(row))
             assert judgement.executable_steps == judgement.steps == judgement.states_right
             assert completion.finished == judgement.verdict.is_valid
-        assert any(c.tokens and not c.finished for c in made.completions)
+        assert any(not c.finished for c in made.completions)
 
 
-def test_an_lstm_can_be_guided_too(questions: Questions) -> None:
-    torch.manual_seed(5)
-    model = LstmLMHeadModel(LstmConfig(vocab_size=tokenizer().vocab_size, embedding_size=16, hidden_size=24)).eval()
-    found = Planner(model, tokenizer(), RunConfig.load(None, KEYS).generate)
-    made = found.complete(questions.prompts, "masked", tasks=questions.oracle())
+@pytest.mark.parametrize("decode", GUIDED)
+def test_an_lstm_can_be_guided_too(questions: Questions, decode: str) -> None:
+    found = Planner(untrained_lstm(), tokenizer(), RunConfig.load(None, KEYS).generate)
+    made = found.complete(questions.prompts, decode, tasks=questions.oracle())
     judged = zip(made.completions, questions.judge(made), strict=True)
     assert all(judgement.verdict.is_valid for completion, judgement in judged if completion.finished)
+    assert any(completion.finished for completion in made.completions)
+
+
+@pytest.mark.parametrize("layout", ["difference", "report"])
+def test_search_with_calls_enough_solves_everything(questions: Questions, layout: Any) -> None:
+    words = CanonicalTokenizer(_native.CanonicalCodec(questions.domain, layout=layout), 16)
+    config = RunConfig.load(None, [*KEYS, "generate.search_calls=3000"]).generate
+    found = Planner(untrained(6, 2048, words), words, config)
+    made = found.complete(questions.prompts, "search", tasks=questions.oracle())
+    solvable = [task.plan_set(8).shortest() is not None for task in questions.tasks]
+    assert any(solvable)
+    for solved, judgement, completion in zip(solvable, questions.judge(made), made.completions, strict=True):
+        assert completion.finished or not solved
+        assert completion.finished == judgement.verdict.is_valid
+
+
+def test_search_gives_up_after_its_calls(questions: Questions) -> None:
+    made = planner(1, "generate.search_calls=2").complete(questions.prompts, "search", tasks=questions.oracle())
+    assert all(c.choices <= 2 for c in made.completions)
+    assert any(not c.finished for c in made.completions)
+    assert all(j.executable_steps == j.steps == j.states_right for j in questions.judge(made))
+
+
+def test_a_row_rewound_gives_the_logits_of_a_fresh_one(questions: Questions) -> None:
+    ids = [list(map(int, row))[:20] for row in tokenizer().encode_prompts(questions.prompts[:2])[0]]
+    for decoder in (Gpt2Decoder(untrained(7), 2), LstmDecoder(untrained_lstm(), 2)):
+        wanted = decoder.feed(0, *pad(ids, decoder.lengths.device))
+        decoder.clear(0, 2)
+        decoder.feed(0, *pad([ids[0][:9] + ids[1][:4], ids[1]], decoder.lengths.device))
+        rest = [ids[0][decoder.rewind(0, 9) :], ids[1][decoder.rewind(1, 19) :]]
+        torch.testing.assert_close(decoder.feed(0, *pad(rest, decoder.lengths.device)), wanted)
 
 
 def test_spelled_names_cannot_be_guided(questions: Questions) -> None:
     bpe = BpeTokenizer.train(questions.prompts, 300)
     found = Planner(untrained(1), bpe, RunConfig.load(None, KEYS).generate)
-    with pytest.raises(ConfigError, match="needs a model on canonical words"):
+    with pytest.raises(ConfigError, match="only a model on canonical words"):
         found.complete(questions.prompts, "masked", tasks=questions.oracle())
 
 

@@ -23,6 +23,7 @@ from strips_lm.decode.gpt2 import Gpt2Decoder
 from strips_lm.decode.loop import pad
 from strips_lm.decode.lstm import LstmDecoder
 from strips_lm.decode.masked import MaskedLoop
+from strips_lm.decode.search import SearchLoop
 from strips_lm.forward import hidden_at
 from strips_lm.guide import OracleGuide
 from strips_lm.lstm import LstmLMHeadModel
@@ -40,10 +41,13 @@ if TYPE_CHECKING:
     Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
     """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
 
-Decode = Literal["greedy", "sample", "beam", "best-of-k", "masked"]
+Decode = Literal["greedy", "sample", "beam", "best-of-k", "masked", "search"]
 """The ways of decoding."""
 
 DECODES: tuple[str, ...] = get_args(Decode)
+
+GUIDED = ("masked", "search")
+"""Of these, the ones in which the oracle says what may come next."""
 
 Rerank = Literal["head", "likelihood", "oracle"]
 """Who chooses among the samples of `best-of-k`."""
@@ -61,9 +65,9 @@ class Completion:
     log_probability: float
     """In nats, of all its tokens; 0 where the way of decoding does not need it."""
     choices: int = 0
-    """`masked`: tokens that the model chose; all others were forced."""
+    """`masked`: tokens that the model chose, all others being forced; `search`: calls of the model."""
     removed: float = 0.0
-    """`masked`: the probability that the mask took away, summed over the choices."""
+    """`masked`, `search`: the probability that the mask took away, summed over the choices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +81,7 @@ class Batch:
 
     @property
     def removed_share(self) -> float | None:
-        """`masked`: the probability that the mask took away at a choice, on average; else `None`."""
+        """`masked`, `search`: the probability that the mask took away at a choice, on average; else `None`."""
         choices = sum(c.choices for c in self.completions)
         return sum(c.removed for c in self.completions) / choices if choices else None
 
@@ -133,7 +137,7 @@ class Planner:
     ) -> Batch:
         """A completion of each prompt; `tick` is called with the number of prompts done so far.
 
-        `best-of-k` may need the oracle as `judge`, `masked` needs it as `tasks`.
+        `best-of-k` may need the oracle as `judge`, `masked` and `search` need it as `tasks`.
 
         Raises:
             ConfigError: `decode` is none of `DECODES`, or asks for a head or an oracle that is not there.
@@ -144,7 +148,7 @@ class Planner:
             return self.choose(prompts, drawn, self.config.rerank, judge)
         started = time.perf_counter()
         ids, legends = self.tokenizer.encode_prompts(prompts)
-        made = self._guided(ids, legends, tasks, tick) if decode == "masked" else self._decode(ids, decode, tick)
+        made = self._guided(ids, legends, decode, tasks, tick) if decode in GUIDED else self._decode(ids, decode, tick)
         completions = self._texts(ids, legends, made)
         return Batch(completions, sum(len(g.tokens) for g in made), time.perf_counter() - started)
 
@@ -219,16 +223,23 @@ class Planner:
         return run_jobs(jobs, loop, self.workers)
 
     def _guided(
-        self, ids: Sequence[Any], legends: Sequence[Any], tasks: Tasks | None, tick: Callable[[int], None] | None
+        self,
+        ids: Sequence[Any],
+        legends: Sequence[Any],
+        decode: str,
+        tasks: Tasks | None,
+        tick: Callable[[int], None] | None = None,
     ) -> list[Generation]:
         """Token ids to token ids, the oracle saying what may come."""
         if tasks is None:
-            raise ConfigError("`--decode masked` needs the problem to be guided by")
+            raise ConfigError(f"`--decode {decode}` needs the problem to be guided by")
         done, limits = _Counter(tick), self._limits()
 
-        def loop() -> MaskedLoop:
-            guide = OracleGuide(self.tokenizer, legends, tasks)
-            return MaskedLoop(self._decoder(self.config.rows), guide, limits, on_done=done)
+        def loop() -> MaskedLoop | SearchLoop:
+            decoder, guide = self._decoder(self.config.rows), OracleGuide(self.tokenizer, legends, tasks)
+            if decode == "masked":
+                return MaskedLoop(decoder, guide, limits, on_done=done)
+            return SearchLoop(decoder, guide, limits, calls=self.config.search_calls, on_done=done)
 
         return run_jobs(self._jobs(ids), loop, self.workers)
 

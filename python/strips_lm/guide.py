@@ -15,7 +15,7 @@ from strips_lm.config import ConfigError
 from strips_lm.tokenizer import CanonicalTokenizer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Hashable, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -44,7 +44,9 @@ class OracleGuide:
         """
         words = canonical(tokenizer)
         check_domain(words, tasks.domain)
-        self.legends, self.tasks, self.step = legends, tasks, words.ids["<ACTION>"]
+        self.legends, self.tasks, self.words, self.layout = legends, tasks, words.words, words.codec.layout
+        self.step, self.state, self.end = words.ids["<ACTION>"], words.ids["<STATE>"], words.end_id
+        self.first_slot = words.codec.first_slot
         self.decoder = _native.MaskedDecoder(words.codec, words.words)
 
     def add(self, prompts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
@@ -65,6 +67,35 @@ class OracleGuide:
         """Of each row whether any token may come."""
         return [status == "open" for status in self.decoder.status(rows)]
 
+    def fork(self, row: int) -> int:
+        """A new row that goes on from where `row` is."""
+        return self.decoder.fork(row)
+
+    def arrive(self, before: Hashable, tokens: Sequence[int]) -> Hashable:
+        """The state after `tokens`: the atoms in which it differs from the first state, or all, as the layout has it.
+
+        Where the tokens complete no state, `before` itself.
+        """
+        found = before if isinstance(before, frozenset) else frozenset()
+        for atoms in self._states(tokens):
+            spelled = frozenset((self.words[atom[0]].lstrip("+-"), *atom[1:]) for atom in atoms)
+            found = spelled if self.layout == "report" else found ^ spelled
+        return found
+
+    def _states(self, tokens: Sequence[int]) -> list[list[list[int]]]:
+        """The atoms of every state in `tokens`, each as its tokens."""
+        states: list[list[list[int]]] = []
+        inside = False
+        for token in tokens:
+            if token == self.state:
+                states.append([])
+            elif inside and token >= self.first_slot:
+                states[-1][-1].append(token)
+            elif inside and token not in (self.step, self.end):
+                states[-1].append([token])
+            inside = token == self.state or (inside and token not in (self.step, self.end))
+        return states
+
     def remove(self, rows: Sequence[int]) -> None:
         """Forget rows."""
         self.decoder.remove(rows)
@@ -79,7 +110,7 @@ def canonical(tokenizer: PlanTokenizer) -> CanonicalTokenizer:
     if isinstance(tokenizer, CanonicalTokenizer):
         return tokenizer
     raise ConfigError(
-        "`--decode masked` needs a model on canonical words; this one spells names\n"
+        "the oracle can guide only a model on canonical words; this one spells names\n"
         "hint: train with `--set tokenizer.kind=canonical`"
     )
 
@@ -98,8 +129,7 @@ def check_domain(tokenizer: CanonicalTokenizer, domain: _native.Domain) -> None:
             return
     names = ", ".join(trained["name"] for trained in known)
     raise ConfigError(
-        f"`--decode masked`: the model was trained on `{names}`, and the predicates or actions of "
-        f"`{domain.name}` are not the same"
+        f"the model was trained on `{names}`, and the predicates or actions of `{domain.name}` are not the same"
     )
 
 

@@ -20,7 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("models", metavar="MODEL", nargs="*", help="folders that `strips-lm train` wrote")
     parser.add_argument("--data", metavar="DIR", help="the data set")
     parser.add_argument("--suite", action="append", metavar="NAME", help="a suite (again for more; default: all eight)")
-    ways = "greedy, sample, beam, best-of-k or masked (again for more)"
+    ways = "greedy, sample, beam, best-of-k, masked or search (again for more)"
     parser.add_argument("--decode", action="append", metavar="NAME", help=ways)
     parser.add_argument("--limit", type=int, metavar="N", help="prompts a suite (0: all)")
     parser.add_argument("--preset", metavar="NAME", help="a preset or TOML file to start from")

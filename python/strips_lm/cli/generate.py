@@ -27,7 +27,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.add_argument("model", metavar="MODEL", help="a folder that `strips-lm train` wrote")
     add_task(parser)
-    parser.add_argument("--decode", default="greedy", metavar="NAME", help="greedy, sample, beam, best-of-k or masked")
+    parser.add_argument(
+        "--decode", default="greedy", metavar="NAME", help="greedy, sample, beam, best-of-k, masked or search"
+    )
     parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
     parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -113,8 +115,10 @@ def _print_plan(question: Question, made: Completion, judgement: Judgement, vali
         print(judgement.plan.rstrip("\n"))
     print(f"; {sentence(made, judgement, valid)}")
     if made.choices:
-        share = 100 * made.removed / made.choices
-        print(f"; guided by the oracle: {made.choices} choices, the mask removed {share:.3g} % of the probability")
+        share, plural = 100 * made.removed / made.choices, "s" * (made.choices != 1)
+        print(
+            f"; guided by the oracle: {made.choices} choice{plural}, the mask removed {share:.3g} % of the probability"
+        )
 
 
 def sentence(made: Completion, judgement: Judgement, valid: bool) -> str:

@@ -238,13 +238,18 @@ class GenerateConfig:
     """`best-of-k`: continuations drawn for each prompt."""
     rerank: Literal["head", "likelihood", "oracle"] = "head"
     """`best-of-k`: who chooses among them."""
+    search_calls: int = 500
+    """`search`: calls of the model after which it gives up on a prompt."""
     rows: int = 64
     """Prompts that are decoded at once, in each worker."""
     workers: int = 0
     """Threads that decode, one core each; 0 is one for each core, or a single one on a GPU."""
 
     def __post_init__(self) -> None:
-        check(min(self.max_new, self.beams, self.samples, self.rows) > 0, "the sizes in `generate` must be positive")
+        check(
+            min(self.max_new, self.beams, self.samples, self.rows, self.search_calls) > 0,
+            "the sizes in `generate` must be positive",
+        )
         check(0.0 < self.top_p <= 1.0, "`generate.top_p` is a share, above 0")
         check(self.temperature > 0.0, "`generate.temperature` must be positive; greedy decoding is `--decode greedy`")
         check(self.top_k >= 0 and self.workers >= 0, "`generate.top_k` and `generate.workers` are at least 0")

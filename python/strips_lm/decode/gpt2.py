@@ -110,6 +110,11 @@ class Gpt2Decoder:
         """Forget the tokens of the rows `first` to `first + count`."""
         self.lengths[first : first + count] = 0
 
+    def rewind(self, row: int, count: int) -> int:
+        """Forget the tokens of a row but the first `count`; how many are left."""
+        self.lengths[row] = count
+        return count
+
     def feed(self, first: int, ids: Tensor, counts: Tensor) -> Tensor:
         """Append tokens to the rows from `first` on, and give the logits after the last token of each.
 

@@ -35,6 +35,9 @@ class Decoder(Protocol):
     def clear(self, first: int, count: int) -> None:
         """Empty rows."""
 
+    def rewind(self, row: int, count: int) -> int:
+        """Forget a row's tokens but the first `count`, or all where that cannot be; how many are left."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:

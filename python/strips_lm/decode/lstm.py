@@ -28,6 +28,12 @@ class LstmDecoder:
         self.hidden[:, first : first + count] = 0
         self.cell[:, first : first + count] = 0
 
+    def rewind(self, row: int, count: int) -> int:
+        """Forget all that a row has read, as no earlier state is kept; what is left is nothing."""
+        del count
+        self.clear(row, 1)
+        return 0
+
     def move(self, sources: Tensor, targets: Tensor) -> None:
         """Copy the rows `sources` over the rows `targets`."""
         for state in (self.hidden, self.cell):

@@ -69,17 +69,22 @@ class _Text:
         start, self.fed = self.fed, len(self.tokens)
         return self.tokens[start:]
 
-    def is_full(self, stop: int) -> bool:
-        """Whether no more tokens, or not even these, have room."""
-        return len(self.tokens) > self.room or (len(self.tokens) == self.room and self.tokens[-1] != stop)
-
     def generation(self, stop: int, step: int) -> Generation:
         """The text as a value, without a last step that has no room."""
-        tokens = self.tokens
-        if self.is_full(stop):
-            tokens = tokens[: max((i for i in range(self.room + 1) if tokens[i : i + 1] == [step]), default=0)]
+        full = is_full(self.tokens, self.room, stop)
+        tokens = cut(self.tokens, self.room, step) if full else self.tokens
         finished = tokens[-1:] == [stop]
         return Generation(self.job.prompt, self.job.draw, tokens, finished, 0.0, self.choices, self.removed)
+
+
+def is_full(tokens: Sequence[int], room: int, stop: int) -> bool:
+    """Whether no more tokens, or not even these, have room."""
+    return len(tokens) > room or (len(tokens) == room and tokens[-1] != stop)
+
+
+def cut(tokens: list[int], room: int, step: int) -> list[int]:
+    """The tokens before the last step that begins within `room` tokens."""
+    return tokens[: max((i for i in range(room + 1) if tokens[i : i + 1] == [step]), default=0)]
 
 
 class MaskedLoop:
@@ -162,7 +167,10 @@ class MaskedLoop:
     def _ended(self, texts: Sequence[_Text]) -> list[bool]:
         """Of each text whether nothing comes after it; those are reported."""
         going = self.guide.is_open([text.row for text in texts])
-        ended = [text.is_full(self.limits.stop) or not more for text, more in zip(texts, going, strict=True)]
+        ended = [
+            is_full(text.tokens, text.room, self.limits.stop) or not more
+            for text, more in zip(texts, going, strict=True)
+        ]
         over = [text for text, end in zip(texts, ended, strict=True) if end]
         self.guide.remove([text.row for text in over])
         for text in over:

@@ -19,7 +19,7 @@ from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.results import Example, Model, Output, Results, Score
 from strips_lm.evaluate.suites import DataFolder, Item  # noqa: TC001  (dataclass fields are public types)
 from strips_lm.evaluate.tally import Trial, tally
-from strips_lm.generate import Batch, Planner, check_decode
+from strips_lm.generate import GUIDED, Batch, Planner, check_decode
 from strips_lm.guide import Tasks, canonical, check_domain
 from strips_lm.model import checkpoint_folder
 
@@ -85,7 +85,7 @@ class Evaluation:
         Raises:
             ConfigError: a model cannot be decoded in one of the ways asked for.
         """
-        if "masked" in self.config.evaluate.decodes:
+        if set(GUIDED) & set(self.config.evaluate.decodes):
             for folder in folders:
                 check_domain(canonical(tokenizers.load(checkpoint_folder(folder))), self.data.domain)
         for name, folder in zip(model_names(folders), folders, strict=True):
@@ -130,7 +130,7 @@ class Evaluation:
             model=name,
             suite=suite.name,
             decode=decode,
-            oracle_helps=decode == "masked" or decode.endswith("oracle"),
+            oracle_helps=decode in GUIDED or decode.endswith("oracle"),
             texts=texts,
             finished=[c.finished for c in made.completions],
             optimal_steps=[item.optimal_steps for item in suite.items],

@@ -25,7 +25,7 @@ class Score:
     suite: str
     """The suite's name, or the folder of PDDL problems."""
     decode: str
-    """`greedy`, `sample`, `beam`, `masked`, `best-of-8 by head`, …"""
+    """`greedy`, `sample`, `beam`, `masked`, `search`, `best-of-8 by head`, …"""
     oracle_helps: bool
     """Whether the oracle took part in decoding or choosing; such rows stand apart."""
     prompts: int
@@ -71,7 +71,7 @@ class Score:
     digest: str
     """SHA-256 over all texts in order: equal digests, equal outputs."""
     removed_share: float | None = None
-    """`masked`: the share of the model's probability that the mask took away, mean over its choices; else none."""
+    """`masked`, `search`: the model's probability that the mask took away, mean over its choices; else none."""
 
     @property
     def share(self) -> float:

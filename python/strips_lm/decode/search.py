@@ -1,0 +1,185 @@
+"""Best-first search under a guide: of all prefixes so far, the one that the model finds likeliest is continued next.
+
+A prefix costs minus the logarithm of its probability among what the guide allows; forced tokens cost nothing. A state
+that was reached before, by a likelier prefix, is not continued again, so the search goes round no circle and backs out
+of every dead end. It gives up after a number of model calls, never after a time: the same budget gives the same answer.
+
+Price: one model call a prefix, batched over the prompts. A row of the cache keeps what the next prefix shares with the
+last one and is fed the rest.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass, field
+from itertools import takewhile
+from typing import TYPE_CHECKING, Protocol
+
+import torch
+
+from strips_lm.decode.loop import Generation, pad
+from strips_lm.decode.masked import Guide, cut
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable, Sequence
+
+    from torch import Tensor
+
+    from strips_lm.decode.loop import Decoder, Job, Limits
+
+
+class SearchGuide(Guide, Protocol):
+    """A guide that can go back, and knows when two texts have come to the same state."""
+
+    def fork(self, row: int) -> int:
+        """A new row that goes on from where `row` is."""
+
+    def arrive(self, before: Hashable, tokens: Sequence[int]) -> Hashable:
+        """The state after `tokens`, from the one `before` them (`None` at the start); equal values are equal states."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Prefix:
+    """A text so far, at a choice or at its end."""
+
+    row: int
+    """The guide's number for it."""
+    tokens: list[int]
+    state: Hashable
+    cost: float
+
+
+@dataclass(slots=True)
+class _Search:
+    """One prompt's search."""
+
+    job: Job
+    room: int
+    now: _Prefix
+    """The prefix that the model is asked about next; at last the answer."""
+    open: list[tuple[float, int, _Prefix, int]] = field(default_factory=list)
+    """A heap of (cost, order, prefix, token to go on with)."""
+    seen: set[Hashable] = field(default_factory=set)
+    rows: list[int] = field(default_factory=list)
+    held: list[int] = field(default_factory=list)
+    """What the decoder's row has read."""
+    pushed: int = 0
+    calls: int = 0
+    removed: float = 0.0
+
+    def push(self, log_probs: Tensor, allowed: Tensor) -> None:
+        """Open every allowed continuation of the prefix; of equals the lowest token first."""
+        tokens = allowed.nonzero()[:, 0].tolist()
+        for token, log_prob in zip(tokens, log_probs[allowed].tolist(), strict=True):
+            heapq.heappush(self.open, (self.now.cost - log_prob, self.pushed, self.now, token))
+            self.pushed += 1
+
+
+class SearchLoop:
+    """Runs searches through one decoder under one guide, a row for each."""
+
+    def __init__(
+        self,
+        decoder: Decoder,
+        guide: SearchGuide,
+        limits: Limits,
+        *,
+        calls: int,
+        on_done: Callable[[Generation], None] | None = None,
+    ) -> None:
+        """A search gives up after `calls` model calls; `on_done` is called for each that is over."""
+        self.decoder, self.guide, self.limits, self.calls, self.on_done = decoder, guide, limits, calls, on_done
+        self.capacity = len(decoder.lengths)
+        self.device = decoder.lengths.device
+        self.done: dict[tuple[int, int], Generation] = {}
+
+    @torch.inference_mode()
+    def run(self, jobs: Sequence[Job]) -> list[Generation]:
+        """The likeliest text found for each job, in the order of `jobs`."""
+        order = sorted(jobs, key=lambda job: len(job.ids))
+        for start in range(0, len(order), self.capacity):
+            searches = self._begin(order[start : start + self.capacity])
+            while searches:
+                self._expand(searches)
+                searches = self._close([(search, self._advance(search)) for search in searches])
+        return [self.done[job.prompt, job.draw] for job in jobs]
+
+    def _begin(self, jobs: Sequence[Job]) -> list[_Search]:
+        """A search for each job that has a choice at all."""
+        self.decoder.clear(0, len(jobs))
+        rows, forced = self.guide.add([job.prompt for job in jobs])
+        found = []
+        for job, row, tokens in zip(jobs, rows, forced, strict=True):
+            state = self.guide.arrive(None, tokens)
+            room = min(self.limits.max_new, self.decoder.context + 1 - len(job.ids))
+            found.append(_Search(job, room, _Prefix(row, tokens, state, 0.0), seen={state}, rows=[row]))
+        going = self.guide.is_open(rows)
+        begun = [(s, more and len(s.now.tokens) < s.room) for s, more in zip(found, going, strict=True)]
+        return self._close(begun)
+
+    def _close(self, searches: Sequence[tuple[_Search, bool]]) -> list[_Search]:
+        """Report the searches that are over, and move the rows of the others together."""
+        going = [index for index, (_, more) in enumerate(searches) if more]
+        for target, source in enumerate(going):
+            if source != target:
+                self.decoder.move(*torch.tensor([[source], [target]], device=self.device))
+        for search, more in searches:
+            if not more:
+                self._report(search)
+        return [searches[index][0] for index in going]
+
+    def _report(self, search: _Search) -> None:
+        self.guide.remove(search.rows)
+        job, tokens = search.job, search.now.tokens
+        finished = tokens[-1:] == [self.limits.stop] and len(tokens) <= search.room
+        if not finished:
+            tokens = cut(tokens, search.room, self.guide.step)
+        made = Generation(job.prompt, job.draw, tokens, finished, 0.0, search.calls, search.removed)
+        self.done[job.prompt, job.draw] = made
+        if self.on_done is not None:
+            self.on_done(made)
+
+    def _expand(self, searches: Sequence[_Search]) -> None:
+        """Ask the model about each search's prefix."""
+        chunks = [self._rest(row, search) for row, search in enumerate(searches)]
+        logits = self.decoder.feed(0, *pad(chunks, self.device)).float().cpu()
+        allowed = torch.from_numpy(self.guide.mask([search.now.row for search in searches]))
+        removed = logits.softmax(-1).masked_fill_(allowed, 0.0).sum(-1).tolist()
+        log_probs = logits.masked_fill(~allowed, -torch.inf).log_softmax(-1)
+        for index, search in enumerate(searches):
+            search.push(log_probs[index], allowed[index])
+            search.calls += 1
+            search.removed += removed[index]
+
+    def _rest(self, row: int, search: _Search) -> list[int]:
+        """What the decoder's row lacks of a prefix, at least its last token."""
+        whole = [*map(int, search.job.ids), *search.now.tokens]
+        same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(search.held, whole, strict=False)))
+        search.held = whole
+        return whole[self.decoder.rewind(row, min(same, len(whole) - 1)) :]
+
+    def _advance(self, search: _Search) -> bool:
+        """Go on to the cheapest prefix that leads anywhere new; whether the model is to be asked about it."""
+        while search.open and search.calls < self.calls:
+            cost, _, parent, token = heapq.heappop(search.open)
+            row = self.guide.fork(parent.row)
+            search.rows.append(row)
+            new = [token, *self.guide.advance([row], [token])[0]]
+            prefix = _Prefix(row, parent.tokens + new, self.guide.arrive(parent.state, new), cost)
+            if prefix.tokens[-1] == self.limits.stop and len(prefix.tokens) <= search.room:
+                search.now = prefix
+                return False
+            if self._is_new(search, prefix, parent):
+                search.now = prefix
+                return True
+        return False
+
+    def _is_new(self, search: _Search, prefix: _Prefix, parent: _Prefix) -> bool:
+        """Whether a prefix has room, can go on, and is within a step or at a state not reached before."""
+        if len(prefix.tokens) >= search.room or not self.guide.is_open([prefix.row])[0]:
+            return False
+        if prefix.state is parent.state:
+            return True
+        fresh = prefix.state not in search.seen
+        search.seen.add(prefix.state)
+        return fresh
