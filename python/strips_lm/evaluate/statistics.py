@@ -24,7 +24,8 @@ def wilson(successes: int, trials: int, z: float = Z_95) -> tuple[float, float]:
     share, spread = successes / trials, z * z / trials
     middle = (share + spread / 2) / (1 + spread)
     half = z * math.sqrt(share * (1 - share) / trials + spread / (4 * trials)) / (1 + spread)
-    return max(0.0, middle - half), min(1.0, middle + half)
+    # Rounding must not put the share itself outside of its interval, as it did for 0 of 50.
+    return max(0.0, min(middle - half, share)), min(1.0, max(middle + half, share))
 
 
 def mean(values: Iterable[float]) -> float | None:
