@@ -79,7 +79,7 @@ class Quickstart:
     """Minutes of training, all models together."""
     pairs: int = 71_128
     """Pairs of the data set."""
-    limit: int = 500
+    limit: int = 300
     """Prompts a suite."""
     seed: int = 0
     tell: Tell = print
