@@ -254,9 +254,7 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
     """Opens the data, makes or resumes the model, and writes `run.toml`."""
     accelerator = Accelerator(log_with=list(config.train.trackers) or None, project_dir=str(out))
     out.mkdir(parents=True, exist_ok=True)
-    tokenizer = (
-        tokenizers.load(last_checkpoint(out)) if resumed else tokenizers.make(config.tokenizer, data, texts(data))
-    )
+    tokenizer = _tokenizer(config, data, out, resumed)
     with accelerator.main_process_first():
         training, validation = _open(config, data, tokenizer)
     model = make_model(config.model, tokenizer, config.seed)
