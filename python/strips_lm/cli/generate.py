@@ -1,7 +1,7 @@
 """Have a model write a plan for a problem of your own, and the oracle check it.
 
 Prints the plan in IPC form and, after a semicolon, the verdict: `valid` only if the plan was validated against the
-problem's PDDL. On a terminal the steps come with what each state changes. Exit 1 where the plan is not valid.
+problem's PDDL. On a terminal the steps come in colour with what each state changes. Exit 1 where the plan is not valid.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from strips_lm import _native
 from strips_lm.cli.arguments import add_config, add_task, max_bytes, read_config
+from strips_lm.trace import trace
 
 if TYPE_CHECKING:
     import argparse
@@ -32,6 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
     parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")
+    parser.add_argument("--states", action="store_true", help="print each state in full after its step")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     add_config(parser)
 
@@ -42,7 +44,10 @@ def run(args: argparse.Namespace) -> int:
     made = question.ask(args)
     judgement = question.judge([made.text])[0]
     valid = judgement.verdict.is_valid and made.finished
-    (_print_json if args.json else _print_plan)(question, made, judgement, valid)
+    if args.json:
+        _print_json(question, made, judgement, valid)
+    else:
+        _print_plan(question, made, judgement, valid, args.states)
     return 0 if valid else 1
 
 
@@ -94,7 +99,7 @@ def synonyms(domain: str) -> dict[str, str]:
 def _print_json(question: Question, made: Completion, judgement: Judgement, valid: bool) -> None:
     found: dict[str, Any] = {
         "valid": valid,
-        "plan": judgement.plan.split("\n") if judgement.plan else [],
+        "plan": judgement.plan.splitlines(),
         **{key: value for key, value in judgement.verdict.to_dict().items() if key != "plan"},
         "finished": made.finished,
         "prompt": question.prompt,
@@ -107,18 +112,31 @@ def _print_json(question: Question, made: Completion, judgement: Judgement, vali
     print(json.dumps(found))
 
 
-def _print_plan(question: Question, made: Completion, judgement: Judgement, valid: bool) -> None:
-    """The plan as a plan file; on a terminal also the states."""
+def _print_plan(question: Question, made: Completion, judgement: Judgement, valid: bool, states: bool) -> None:
+    """The plan as a plan file, or on a terminal for people."""
+    found, said, help_ = trace(question.prompt, made.text), sentence(made, judgement, valid), guidance(made)
     if sys.stdout.isatty():
-        _show_steps(question, made, judgement)
-    elif judgement.plan:
-        print(judgement.plan.rstrip("\n"))
-    print(f"; {sentence(made, judgement, valid)}")
-    if made.choices:
-        share, plural = 100 * made.removed / made.choices, "s" * (made.choices != 1)
-        print(
-            f"; guided by the oracle: {made.choices} choice{plural}, the mask removed {share:.3g} % of the probability"
-        )
+        from strips_lm.cli import plan_view  # noqa: PLC0415
+
+        plan_view.show(found, judgement, said, valid=valid, states=states)
+        if help_:
+            plan_view.note(help_)
+        return
+    for number, operator in enumerate(judgement.plan.splitlines()):
+        print(operator)
+        if states and number < len(found.steps):
+            print(f"; {', '.join(found.steps[number].state or ())}")
+    print(f"; {said}")
+    if help_:
+        print(f"; {help_}")
+
+
+def guidance(made: Completion) -> str:
+    """How much the oracle helped; nothing where it did not."""
+    if not made.choices:
+        return ""
+    share, plural = 100 * made.removed / made.choices, "s" * (made.choices != 1)
+    return f"guided by the oracle: {made.choices} choice{plural}, the mask removed {share:.3g} % of the probability"
 
 
 def sentence(made: Completion, judgement: Judgement, valid: bool) -> str:
@@ -128,31 +146,4 @@ def sentence(made: Completion, judgement: Judgement, valid: bool) -> str:
         return f"valid: {judgement.steps} steps, checked against the problem"
     if verdict.is_valid and not made.finished:
         return "not valid: the text did not come to its end"
-    return f"{verdict.outcome}: {verdict.reason}"
-
-
-def _show_steps(question: Question, made: Completion, judgement: Judgement) -> None:
-    """Each step in colour, with the atoms that its state adds and loses."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.text import Text  # noqa: PLC0415
-
-    console = Console(highlight=False)
-    before = set(atoms(question.prompt.rsplit("<INIT>", 1)[-1]))
-    plan = judgement.plan.split("\n")
-    steps = _native.parse_completions([made.text])[0].steps
-    for number, (step, (_, state)) in enumerate(zip(plan, steps, strict=False), 1):
-        wrong = judgement.verdict.step == number
-        line = Text(f"{step}", style="bold red" if wrong else "bold cyan")
-        after = {f"{name}({', '.join(parts)})" for name, parts in state} if state is not None else before
-        for atom in sorted(after - before):
-            line.append(f"  +{atom}", style="green")
-        for atom in sorted(before - after):
-            line.append(f"  -{atom}", style="dim")
-        console.print(line)
-        before = after
-
-
-def atoms(text: str) -> list[str]:
-    """The atoms of a segment, as they are written."""
-    found = text.strip().split("), ")
-    return [atom if atom.endswith(")") else f"{atom})" for atom in found if atom]
+    return f"not valid: {verdict.reason}"
