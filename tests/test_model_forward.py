@@ -4,6 +4,7 @@ import pytest
 import torch
 from transformers import GPT2Config, GPT2DoubleHeadsModel, GPT2LMHeadModel
 
+from strips_lm import objective
 from strips_lm.forward import hidden_at, sinusoids
 
 
@@ -78,3 +79,17 @@ def test_sinusoids_are_those_of_the_paper():
     assert table.shape == (10, 6)
     torch.testing.assert_close(table[0], torch.tensor([0.0, 1.0] * 3))
     torch.testing.assert_close(table[:, 0], torch.arange(10.0).sin())
+
+
+@pytest.mark.parametrize(("native", "wanted"), [(True, torch.bfloat16), (False, torch.float32)])
+def test_layers_run_in_bfloat16_only_where_the_processor_has_instructions_for_it(native, wanted, monkeypatch):
+    monkeypatch.setattr(objective, "multiplies_bfloat16", lambda _device: native)
+    assert objective.compute_type("auto", gpt2(), torch.device("cpu")) == wanted
+    assert objective.compute_type("bfloat16", gpt2(), torch.device("cpu")) == torch.bfloat16
+
+
+def test_attention_in_bfloat16_gives_bfloat16_back():
+    model = gpt2()
+    ids, positions = tokens()
+    hidden = hidden_at(model.transformer, ids, positions, torch.arange(60), torch.bfloat16)
+    assert hidden.dtype == torch.bfloat16

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, cast
 import torch
 from torch.optim import Optimizer
 
+from strips_lm.processor import multiplies_bfloat16
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -91,8 +93,9 @@ class MuonAdamW(Optimizer):
 
 
 def _newton_type(parameter: Tensor) -> torch.dtype:
-    """bfloat16 is enough for Newton-Schulz; small float64 models of the tests keep their type."""
-    return torch.bfloat16 if parameter.dtype == torch.float32 else parameter.dtype
+    """bfloat16 is enough for Newton-Schulz where it is fast; small float64 models of the tests keep their type."""
+    quick = parameter.dtype == torch.float32 and multiplies_bfloat16(parameter.device)
+    return torch.bfloat16 if quick else parameter.dtype
 
 
 def split_parameters(model: nn.Module) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:

@@ -11,6 +11,7 @@ from torch import nn
 from strips_lm.batches import Dress, Plan, build_step
 from strips_lm.loss import Losses, batch_losses
 from strips_lm.lstm import LstmLMHeadModel
+from strips_lm.processor import multiplies_bfloat16
 
 if TYPE_CHECKING:
     from transformers import PreTrainedModel
@@ -70,5 +71,4 @@ def compute_type(precision: str, model: PreTrainedModel, device: torch.device) -
     """The type that layers run in: bfloat16 on request, or where the processor multiplies it natively."""
     if isinstance(model, LstmLMHeadModel) or precision == "float32":
         return torch.float32
-    native = device.type == "cuda" or torch.ops.mkldnn._is_mkldnn_bf16_supported()  # noqa: SLF001  (torch has no public name)
-    return torch.bfloat16 if precision == "bfloat16" or native else torch.float32
+    return torch.bfloat16 if precision == "bfloat16" or multiplies_bfloat16(device) else torch.float32

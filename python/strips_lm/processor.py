@@ -1,0 +1,22 @@
+"""What the processor can do natively, as far as the choice of a number type needs it."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+
+import torch
+
+
+@cache
+def multiplies_bfloat16(device: torch.device) -> bool:
+    """Whether a device has instructions for bfloat16 products.
+
+    oneDNN's own answer is yes for every x86 processor with AVX-512, where it emulates them at less than half the speed
+    of float32 (docs/experiments.md); so there the instructions themselves are asked for.
+    """
+    if device.type != "cpu":
+        return device.type == "cuda"
+    if platform.machine().lower() in {"x86_64", "amd64"}:
+        return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())  # noqa: SLF001
+    return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())  # noqa: SLF001  (torch has no public name)
