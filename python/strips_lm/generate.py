@@ -68,6 +68,8 @@ class Completion:
     """`masked`: tokens that the model chose, all others being forced; `search`: calls of the model."""
     removed: float = 0.0
     """`masked`, `search`: the probability that the mask took away, summed over the choices."""
+    ids: Sequence[int] = ()
+    """The tokens themselves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,7 +262,7 @@ class Planner:
     def _texts(self, ids: Sequence[Any], legends: Sequence[Any], made: Sequence[Generation]) -> list[Completion]:
         texts = self.tokenizer.decode_completions(ids, [g.tokens for g in made], legends)
         return [
-            Completion(text, len(g.tokens), g.finished, g.log_probability, g.choices, g.removed)
+            Completion(text, len(g.tokens), g.finished, g.log_probability, g.choices, g.removed, g.tokens)
             for text, g in zip(texts, made, strict=True)
         ]
 

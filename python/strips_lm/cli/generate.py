@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from strips_lm import _native
+from strips_lm.cli import explanation
 from strips_lm.cli.arguments import add_config, add_task, max_bytes, read_config
 from strips_lm.trace import trace
 
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from strips_lm._native import Judgement
-    from strips_lm.generate import Completion
+    from strips_lm.explain import Step
+    from strips_lm.generate import Completion, Planner
+    from strips_lm.guide import Tasks
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +37,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
     parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")
     parser.add_argument("--states", action="store_true", help="print each state in full after its step")
+    explain = "for each step what the model would rather have said, what the oracle allows, and what went wrong"
+    parser.add_argument("--explain", action="store_true", help=explain)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     add_config(parser)
 
@@ -41,13 +46,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Generates and checks one plan; returns 0 where it is valid, else 1."""
     question = Question(args)
-    made = question.ask(args)
+    planner = question.planner(args)
+    made = question.ask(planner, args.decode)
     judgement = question.judge([made.text])[0]
     valid = judgement.verdict.is_valid and made.finished
+    steps = question.explain(planner, made) if args.explain else None
     if args.json:
-        _print_json(question, made, judgement, valid)
+        _print_json(question, made, judgement, valid, steps)
     else:
         _print_plan(question, made, judgement, valid, args.states)
+        if steps is not None:
+            explanation.show(steps, judgement)
     return 0 if valid else 1
 
 
@@ -70,23 +79,37 @@ class Question:
         many = len(texts)
         return _native.judge(self.domain, [self.problem] * many, list(texts), [self.words] * many)
 
-    def ask(self, args: argparse.Namespace) -> Completion:
-        """The model's completion."""
+    def planner(self, args: argparse.Namespace) -> Planner:
+        """The model at work, with the configuration that the arguments describe."""
         args.overrides += [f"generate.rerank={args.rerank}"] if args.rerank else []
         config = read_config(args)
         from strips_lm.generate import Planner, check_decode  # noqa: PLC0415
-        from strips_lm.guide import Tasks  # noqa: PLC0415
 
         check_decode(args.decode)
-        planner = Planner.load(args.model, config.generate, config.seed)
+        return Planner.load(args.model, config.generate, config.seed)
+
+    def ask(self, planner: Planner, decode: str) -> Completion:
+        """The model's completion."""
 
         def holds(_: Sequence[int], texts: Sequence[str]) -> list[bool]:
             return [judgement.verdict.is_valid for judgement in self.judge(texts)]
 
+        return planner.complete([self.prompt], decode, holds, tasks=self.tasks()).completions[0]
+
+    def explain(self, planner: Planner, made: Completion) -> list[Step]:
+        """What the model would rather have said, and what the oracle allows."""
+        from strips_lm.explain import explain  # noqa: PLC0415
+
+        return explain(planner, self.prompt, made, self.tasks())
+
+    def tasks(self) -> Tasks:
+        """The oracle behind the prompt."""
+        from strips_lm.guide import Tasks  # noqa: PLC0415
+
         def find(prompts: Sequence[int]) -> tuple[list[_native.Task], list[Sequence[str]]]:
             return [self.task] * len(prompts), [self.names] * len(prompts)
 
-        return planner.complete([self.prompt], args.decode, holds, tasks=Tasks(self.domain, find)).completions[0]
+        return Tasks(self.domain, find)
 
 
 def synonyms(domain: str) -> dict[str, str]:
@@ -96,7 +119,9 @@ def synonyms(domain: str) -> dict[str, str]:
     return read_synonyms(Path(str(files("strips_lm") / "domains" / domain / "lexicon.toml")))
 
 
-def _print_json(question: Question, made: Completion, judgement: Judgement, valid: bool) -> None:
+def _print_json(
+    question: Question, made: Completion, judgement: Judgement, valid: bool, steps: Sequence[Step] | None
+) -> None:
     found: dict[str, Any] = {
         "valid": valid,
         "plan": judgement.plan.splitlines(),
@@ -109,6 +134,8 @@ def _print_json(question: Question, made: Completion, judgement: Judgement, vali
     }
     if made.choices:
         found |= {"choices": made.choices, "removed_share": made.removed / made.choices}
+    if steps is not None:
+        found["steps"] = explanation.to_json(steps, judgement)
     print(json.dumps(found))
 
 
