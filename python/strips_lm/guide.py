@@ -67,6 +67,10 @@ class OracleGuide:
         """Of each row whether any token may come."""
         return [status == "open" for status in self.decoder.status(rows)]
 
+    def has_ended(self, row: int) -> bool:
+        """Whether a row's plan has come to its end, and so is valid."""
+        return self.decoder.status([row])[0] == "ended"
+
     def fork(self, row: int) -> int:
         """A new row that goes on from where `row` is."""
         return self.decoder.fork(row)
