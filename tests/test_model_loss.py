@@ -1,5 +1,7 @@
 """The losses against a plain computation, one example at a time, in float64; and what they must not depend on."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -24,13 +26,13 @@ def some_pairs(count=6, negatives=1):
     return [(draw(3, 9), [draw(2, 9) for _ in range(1 + negatives)]) for _ in range(count)]
 
 
-def batch_of(pairs, choices=True):
+def batch_of(pairs, choices=True, spread=math.inf):
     rows, groups = [], []
     for prompt, completions in pairs:
         taken = completions if choices else completions[:1]
         groups.append(range(len(rows), len(rows) + len(taken)))
         rows += [Row(prompt, ids, scored=index == 0) for index, ids in enumerate(taken)]
-    return collate(rows, groups if choices else [], PAD)
+    return collate(rows, groups if choices else [], PAD, spread)
 
 
 def slow_twin(model, pairs, lm_weight, mc_weight):
@@ -107,9 +109,25 @@ def test_scored_positions_are_the_positives_completions_and_end_token():
     pairs = [(np.array([5, 6]), [np.array([7, 8, 9]), np.array([3, 4])])]
     batch = batch_of(pairs)
     assert batch.lm_labels.tolist() == [7, 8, 9]
-    assert batch.lm_positions.tolist() == [1, 2, 3]
-    assert batch.mc_token_ids.tolist() == [[4, 8]]
-    assert batch.input_ids.tolist() == [[5, 6, 7, 8, 9], [5, 6, 3, 4, PAD]]
+    assert batch.input_ids.tolist() == [[5, 6, 3, 4, PAD], [5, 6, 7, 8, 9]]
+    assert batch.lm_positions.tolist() == [6, 7, 8]
+    assert batch.mc_token_ids.tolist() == [[9, 3]]
+
+
+def test_blocks_hold_rows_of_like_length_and_leave_loss_and_gradient_alone():
+    pairs = some_pairs(8)
+    whole, blocked = batch_of(pairs), batch_of(pairs, spread=0.2)
+    assert len(blocked.blocks) > 1
+    assert sum(rows for rows, _ in blocked.blocks) == 16
+    assert blocked.input_ids.numel() < whole.input_ids.numel()
+    model = gpt2(GPT2DoubleHeadsModel).double()
+    grads = []
+    for batch in (whole, blocked):
+        model.zero_grad()
+        total(model, [batch]).backward()
+        grads.append({name: parameter.grad.clone() for name, parameter in model.named_parameters()})
+    for name, grad in grads[0].items():
+        torch.testing.assert_close(grads[1][name], grad, rtol=1e-9, atol=1e-10, msg=name)
 
 
 def test_negatives_change_the_lm_loss_of_no_model_without_the_second_head():

@@ -11,6 +11,7 @@ knows numbers, not text.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -31,11 +32,13 @@ class Batch:
     """Rows padded on the right, and which of their positions the losses read."""
 
     input_ids: Tensor
-    """(rows, length) token ids."""
+    """(rows, length) token ids, or flat (tokens,) where there are several blocks."""
     position_ids: Tensor
-    """(rows, length) positions, each row from its own offset on."""
+    """Positions in the same shape, each row from its own offset on."""
+    blocks: tuple[tuple[int, int], ...]
+    """(rows, length) of the tables that the tokens are laid out in, one behind the other."""
     lm_positions: Tensor
-    """(scored,) flat indices into (rows * length) of the positions that predict a scored token."""
+    """(scored,) flat indices into the tokens of the positions that predict a scored token."""
     lm_labels: Tensor
     """(scored,) the tokens they should predict."""
     mc_token_ids: Tensor
@@ -45,7 +48,8 @@ class Batch:
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on another device."""
-        return Batch(**{field.name: getattr(self, field.name).to(device) for field in fields(self)})
+        moved = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Batch(**{name: part if name == "blocks" else part.to(device) for name, part in moved.items()})
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,29 +67,48 @@ class Row:
         return len(self.prompt) + len(self.completion)
 
 
-def collate(rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int) -> Batch:
-    """Pad rows to the longest and index what the losses read; `pairs` lists the rows of each choice, positive first."""
-    length = max(map(len, rows))
-    ids = np.full((len(rows), length), pad, dtype=np.int64)
-    scored, labels, last = [], [], []
-    for index, row in enumerate(rows):
-        ids[index, : len(row)] = np.concatenate((row.prompt, row.completion))
-        start = index * length + len(row.prompt) - 1
-        last.append(index * length + len(row) - 1)
+def collate(rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int, spread: float = math.inf) -> Batch:
+    """Lay out rows in blocks and index what the losses read; `pairs` lists the rows of each choice, positive first.
+
+    A block's rows differ in length by at most the share `spread`, and are padded to its longest.
+    """
+    order = np.argsort([len(row) for row in rows], kind="stable")
+    blocks = _blocks(np.array([len(rows[index]) for index in order]), spread)
+    widths = np.repeat([length for _, length in blocks], [count for count, _ in blocks])
+    starts = np.empty(len(rows), dtype=np.int64)
+    starts[order] = np.cumsum(widths) - widths
+    ids = np.full(int(widths.sum()), pad, dtype=np.int64)
+    places = np.concatenate([np.arange(width) + rows[index].offset for index, width in zip(order, widths, strict=True)])
+    scored, labels = [], []
+    for start, row in zip(starts, rows, strict=True):
+        first = start + len(row.prompt)
+        ids[start:first] = row.prompt
+        ids[first : start + len(row)] = row.completion
         if row.scored:
-            scored.append(np.arange(start, start + len(row.completion)))
+            scored.append(np.arange(first - 1, start + len(row) - 1))
             labels.append(row.completion)
-    offsets = np.array([row.offset for row in rows])
+    shape = blocks[0] if len(blocks) == 1 else (-1,)
+    last = [[int(starts[row]) + len(rows[row]) - 1 for row in pair] for pair in pairs]
     return Batch(
-        input_ids=torch.from_numpy(ids),
-        position_ids=torch.from_numpy(np.arange(length)[None, :] + offsets[:, None]),
+        input_ids=torch.from_numpy(ids).view(shape),
+        position_ids=torch.from_numpy(places).view(shape),
+        blocks=blocks,
         lm_positions=_long(scored),
         lm_labels=_long(labels),
-        mc_token_ids=torch.tensor([[last[row] for row in pair] for pair in pairs], dtype=torch.long).reshape(
-            len(pairs), -1 if pairs else 0
-        ),
+        mc_token_ids=torch.tensor(last, dtype=torch.long).reshape(len(pairs), -1 if pairs else 0),
         mc_labels=torch.zeros(len(pairs), dtype=torch.long),
     )
+
+
+def _blocks(lengths: NDArray[np.int64], spread: float) -> tuple[tuple[int, int], ...]:
+    """(rows, length) of each block, for rows sorted by length."""
+    blocks = []
+    start = 0
+    while start < len(lengths):
+        end = int(np.searchsorted(lengths, lengths[start] * (1.0 + spread), side="right"))
+        blocks.append((end - start, int(lengths[end - 1])))
+        start = end
+    return tuple(blocks)
 
 
 def _long(parts: Sequence[NDArray[np.integer]]) -> Tensor:
@@ -102,6 +125,8 @@ class Plan:
     """Records of a step; 0 counts tokens."""
     batch_tokens: int
     """Padded tokens that go through the model at once."""
+    spread: float = math.inf
+    """How much longer, as a share, the longest row of a block may be than its shortest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +184,7 @@ def build_step(
     groups = _dress(data, records, dress, np.random.default_rng(tuple(seed)))
     cuts = _cut_batches(groups, plan.batch_tokens)
     return Step(
-        batches=[_share(cut, data.pad, rank, world) for cut in cuts],
+        batches=[_share(cut, data.pad, plan.spread, rank, world) for cut in cuts],
         records=data.index[records],
         tokens=sum(len(group[0].completion) for group in groups),
         pairs=sum(len(group) > 1 for group in groups),
@@ -214,7 +239,7 @@ def _cut_batches(groups: list[Group], batch_tokens: int) -> list[list[Group]]:
     return cuts
 
 
-def _share(groups: list[Group], pad: int, rank: int, world: int) -> Batch:
+def _share(groups: list[Group], pad: int, spread: float, rank: int, world: int) -> Batch:
     """One process's rows of a batch; where it has none, a row that no loss reads keeps the processes in step."""
     mine = groups[rank::world] or [(Row(groups[0][0].prompt, groups[0][0].completion, scored=False),)]
     rows: list[Row] = []
@@ -223,7 +248,7 @@ def _share(groups: list[Group], pad: int, rank: int, world: int) -> Batch:
         if len(group) > 1:
             pairs.append(range(len(rows), len(rows) + len(group)))
         rows.extend(group)
-    return collate(rows, pairs, pad)
+    return collate(rows, pairs, pad, spread)
 
 
 def walk(data: PlanDataset, plan: Plan, seed: int, start: int = 0) -> Iterator[tuple[int, NDArray[np.int64]]]:

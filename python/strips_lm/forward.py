@@ -9,9 +9,11 @@ two CPU cores and cost nothing on a GPU:
 - after the last layer's attention only the positions that a loss reads go on: the rest of the layer, the final norm
   and the head never see prompts.
 
-Rows are padded on the right, so that causal attention needs no mask besides the triangle. It knows nothing of
-losses, batches or devices. Rejected: computing a pair's shared prompt once (packing both completions behind it with a
-block mask) saves a quarter of the linear work and loses as much in attention over the longer rows.
+Rows are padded on the right, so that causal attention needs no mask besides the triangle. Rows of unlike length come
+as several blocks, one behind the other: attention sees a block at a time, everything else all tokens at once, and
+each block is padded to its own longest row alone. It knows nothing of losses, batches or devices. Rejected:
+computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter of the
+linear work and loses as much in attention over the longer rows.
 """
 
 from __future__ import annotations
@@ -24,16 +26,31 @@ from torch.nn import functional as F
 from transformers.activations import ACT2FN
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torch import Tensor
 
+    Blocks = Sequence[tuple[int, ...]]
 
-def hidden_at(transformer: Any, input_ids: Tensor, position_ids: Tensor, at: Tensor, dtype: torch.dtype) -> Tensor:
-    """Final hidden states (len(at), width) of the positions `at`, indices into the flattened (rows * length) tokens."""
-    rows, length = input_ids.shape
-    hidden = _embed(transformer, input_ids, position_ids).to(dtype).view(rows * length, -1)
+
+def hidden_at(
+    transformer: Any,
+    input_ids: Tensor,
+    position_ids: Tensor,
+    at: Tensor,
+    dtype: torch.dtype,
+    *,
+    blocks: Blocks = (),
+) -> Tensor:
+    """Final hidden states (len(at), width) of the positions `at`, indices into the flattened tokens.
+
+    The tokens are (rows, length), or flat in `blocks` of such tables.
+    """
+    blocks = blocks or (tuple(input_ids.shape),)
+    hidden = _embed(transformer, input_ids, position_ids).to(dtype).view(input_ids.numel(), -1)
     last = len(transformer.h) - 1
     for index, block in enumerate(transformer.h):
-        attended = _attend(block.attn, _norm(block.ln_1, hidden), rows)
+        attended = _attend(block.attn, _norm(block.ln_1, hidden), blocks)
         if index == last:
             attended, hidden = attended[at], hidden[at]
         hidden = hidden + _drop(_linear(block.attn.c_proj, attended), block.attn.resid_dropout)
@@ -45,19 +62,26 @@ def _embed(transformer: Any, input_ids: Tensor, position_ids: Tensor) -> Tensor:
     return _drop(transformer.wte(input_ids) + transformer.wpe(position_ids), transformer.drop)
 
 
-def _attend(attention: Any, hidden: Tensor, rows: int) -> Tensor:
-    """Causal self-attention of (rows * length, width), before the output projection."""
-    tokens, width = hidden.shape
-    heads = attention.num_heads
-    parts = _linear(attention.c_attn, hidden).view(rows, tokens // rows, 3, heads, width // heads)
+def _attend(attention: Any, hidden: Tensor, blocks: Blocks) -> Tensor:
+    """Causal self-attention of (tokens, width), block by block, before the output projection."""
+    parts = _linear(attention.c_attn, hidden)
     if hidden.device.type == "cpu" and hidden.dtype == torch.bfloat16:
         parts = parts.float()
-    query, key, value = parts.permute(2, 0, 3, 1, 4)
+    pieces = parts.split([rows * length for rows, length in blocks]) if len(blocks) > 1 else (parts,)
+    mixed = [_attend_block(attention, piece, *block) for piece, block in zip(pieces, blocks, strict=True)]
+    return (torch.cat(mixed) if len(mixed) > 1 else mixed[0]).to(hidden.dtype)
+
+
+def _attend_block(attention: Any, parts: Tensor, rows: int, length: int) -> Tensor:
+    """Attention within one block: query, key and value (rows * length, 3 * width) to (rows * length, width)."""
+    width = parts.shape[1] // 3
+    heads = attention.num_heads
+    query, key, value = parts.view(rows, length, 3, heads, width // heads).permute(2, 0, 3, 1, 4)
     dropout = attention.attn_dropout.p if attention.training else 0.0
     mixed = F.scaled_dot_product_attention(
         query, key, value, dropout_p=dropout, is_causal=True, scale=attention.scaling
     )
-    return mixed.transpose(1, 2).reshape(tokens, width).to(hidden.dtype)
+    return mixed.transpose(1, 2).reshape(rows * length, width)
 
 
 def _feed(mlp: Any, hidden: Tensor) -> Tensor:

@@ -66,7 +66,7 @@ def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float
 def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype) -> Tensor:
     if isinstance(model, LstmLMHeadModel):
         return model.hidden_at(batch.input_ids, at)
-    return hidden_at(model.transformer, batch.input_ids, batch.position_ids, at, dtype)
+    return hidden_at(model.transformer, batch.input_ids, batch.position_ids, at, dtype, blocks=batch.blocks)
 
 
 def _lm_sum(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:
