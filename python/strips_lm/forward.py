@@ -67,7 +67,7 @@ def _attend(attention: Any, hidden: Tensor, blocks: Blocks) -> Tensor:
     parts = _linear(attention.c_attn, hidden)
     if hidden.device.type == "cpu" and hidden.dtype == torch.bfloat16:
         parts = parts.float()
-    pieces = parts.split([rows * length for rows, length in blocks]) if len(blocks) > 1 else (parts,)
+    pieces = torch.split(parts, [rows * length for rows, length in blocks]) if len(blocks) > 1 else (parts,)
     mixed = [_attend_block(attention, piece, *block) for piece, block in zip(pieces, blocks, strict=True)]
     return (torch.cat(mixed) if len(mixed) > 1 else mixed[0]).to(hidden.dtype)
 
