@@ -80,15 +80,28 @@ def output(model: str, verdict: str) -> Output:
     reason = "" if verdict == "valid" else "the goal is not reached: (on teabag cup) is missing"
     plan = PLAN if verdict == "valid" else "(pick cup)\n(place cup table)"
     step = None if verdict == "valid" else 3
+    probabilities = [0.99 - 0.1 * number for number in range(plan.count("\n") + 1)]
     return Output(
-        model=model, decode="greedy", text=TEXT, plan=plan, verdict=verdict, step=step, reason=reason, finished=True
+        model=model,
+        decode="greedy",
+        text=TEXT,
+        plan=plan,
+        verdict=verdict,
+        step=step,
+        reason=reason,
+        finished=True,
+        operator_probabilities=probabilities,
+        state_probabilities=[1.0] * len(probabilities),
+        end_probability=0.9,
     )
 
 
 def write_metrics(folder: Path, level: float) -> None:
     folder.mkdir(parents=True)
     rows = [{"kind": "train", "step": s, "lm_loss": level * 0.97**s} for s in range(0, 100, 10)]
-    rows += [{"kind": "validation", "step": s, "lm_loss": 1.1 * level * 0.97**s} for s in range(0, 100, 30)]
+    rows += [
+        {"kind": "validation", "step": s, "lm_loss": 1.1 * level * 0.97**s, "floor": 0.02} for s in range(0, 100, 30)
+    ]
     (folder / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
 
 

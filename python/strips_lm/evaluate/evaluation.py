@@ -17,6 +17,7 @@ from strips_lm import tokenizer as tokenizers
 from strips_lm.config import RunConfig, versions
 from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.results import Example, Model, Output, Results, Score
+from strips_lm.evaluate.stepwise import stepwise
 from strips_lm.evaluate.suites import DataFolder, Item  # noqa: TC001  (dataclass fields are public types)
 from strips_lm.evaluate.tally import Trial, tally
 from strips_lm.generate import GUIDED, Batch, Planner, check_decode
@@ -103,7 +104,7 @@ class Evaluation:
             else:
                 ticker, tasks = self._ticker(name, suite, decode), suite.tasks(self.data)
                 made = planner.complete([i.prompt for i in suite.items], decode, tick=ticker, tasks=tasks)
-                self._score(name, suite, decode, made)
+                self._score(planner, name, suite, decode, made)
         pairs = self.data.items(suite.name, self.config.evaluate.pairs, distinct=False)
         found = measure(planner, name, suite.name, pairs)
         self.results.likelihoods.append(found)
@@ -119,9 +120,9 @@ class Evaluation:
 
         for rerank in RERANKS if planner.has_head else RERANKS[1:]:
             made = planner.choose(prompts, drawn, rerank, judge)
-            self._score(name, suite, f"best-of-{self.config.generate.samples} by {rerank}", made)
+            self._score(planner, name, suite, f"best-of-{self.config.generate.samples} by {rerank}", made)
 
-    def _score(self, name: str, suite: Suite, decode: str, made: Batch) -> None:
+    def _score(self, planner: Planner, name: str, suite: Suite, decode: str, made: Batch) -> None:
         """Have the oracle judge the completions, and keep the score and some examples."""
         texts = [c.text for c in made.completions]
         started = time.perf_counter()
@@ -141,24 +142,29 @@ class Evaluation:
         )
         score = tally(trial, judgements)
         self.results.scores.append(score)
-        self._keep_examples(name, suite, decode, texts, judgements)
+        self._keep_examples(planner, suite, score, texts, judgements)
         self.tell(_line(score))
 
     def _keep_examples(
-        self, name: str, suite: Suite, decode: str, texts: Sequence[str], judgements: Sequence[Judgement]
+        self, planner: Planner, suite: Suite, score: Score, texts: Sequence[str], judgements: Sequence[Judgement]
     ) -> None:
-        """The outputs for the suite's first prompts."""
-        for index in range(min(self.config.evaluate.examples, len(texts))):
+        """The outputs for the suite's first prompts, with the model's probability of each step."""
+        count = min(self.config.evaluate.examples, len(texts))
+        prompts = [item.prompt for item in suite.items[:count]]
+        for index, probable in enumerate(stepwise(planner, prompts, texts[:count])):
             verdict = judgements[index].verdict
             output = Output(
-                model=name,
-                decode=decode,
+                model=score.model,
+                decode=score.decode,
                 text=texts[index],
                 plan=judgements[index].plan,
                 verdict=verdict.outcome,
                 step=verdict.step,
                 reason=verdict.reason,
                 finished=judgements[index].finished,
+                operator_probabilities=probable.operators,
+                state_probabilities=probable.states,
+                end_probability=probable.end,
             )
             self._example(suite, index).outputs.append(output)
 

@@ -121,6 +121,12 @@ class Output:
     step: int | None
     reason: str
     finished: bool
+    operator_probabilities: list[float] = field(default_factory=list)
+    """The model's probability of each step's operator, given all before it; without a mask, whatever the decoding."""
+    state_probabilities: list[float] = field(default_factory=list)
+    """The same of the state after each step."""
+    end_probability: float | None = None
+    """The same of ending where the text ends; none where it does not end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

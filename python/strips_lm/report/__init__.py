@@ -1,29 +1,25 @@
 """One self-contained HTML page of results: no network, no script, light and dark, readable on a telephone.
 
-It reads `results.json` and the `metrics.jsonl` beside the models, and asks the oracle for one problem's state graph.
+It reads `results.json` and the `metrics.jsonl` beside the models, and asks the oracle for a few problems' state graphs.
 It runs no model.
 """
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from strips_lm import _native
 from strips_lm.evaluate.table import ordered
-from strips_lm.report import charts, graph, sections
-from strips_lm.report.charts import Bar, Curve
+from strips_lm.report import figures, sections
+from strips_lm.report.examples import examples
+from strips_lm.report.problems import chosen_problems
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from strips_lm.evaluate.results import Example, Model, Results, Score
-
-MAX_STATES = 400
-"""A state graph with more states than this is not drawn."""
+    from strips_lm.evaluate.results import Results
 
 
 def write_report(results: Results, path: str | Path) -> None:
@@ -37,52 +33,83 @@ def write_report(results: Results, path: str | Path) -> None:
 def page(results: Results) -> str:
     """The page's text."""
     style = (files("strips_lm.report") / "style.css").read_text(encoding="utf-8")
-    body = "".join(f"<section>{part}</section>" for part in _parts(results) if part)
+    parts = [part for part in _parts(results) if part.body]
+    links = "".join(f'<a href="#{part.key}">{part.title}</a>' for part in parts)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>strips-lm report</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{style}</style></head><body><h1>Planners, checked by the oracle</h1>{body}</body></html>\n"
+        f"<style>{style}</style></head><body><header><h1>Planners, checked by the oracle</h1>{_opening(results)}"
+        f"<nav>{links}</nav></header><main>{''.join(map(_section, parts))}{_folds(results)}</main></body></html>\n"
     )
 
 
-def _parts(results: Results) -> list[str]:
-    """The sections from top to bottom; one that has nothing to show is empty."""
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A section of the page; one without a body is left out."""
+
+    key: str
+    title: str
+    note: str
+    body: str
+
+
+def _parts(results: Results) -> list[Part]:
+    """The sections from top to bottom."""
     return [
-        _opening(results),
-        _section("Table 1", _TABLE, sections.table(results)),
-        _section("Valid plans by suite", _VALID, validity(results)),
-        _section("Training", _TRAINING, losses(results.models)),
-        _section("One problem and a plan in its state graph", _GRAPH, state_graph(results)),
-        _section("What the models wrote", _EXAMPLES, examples(results)),
-        _section("Valid plans by length", _LENGTH, by_length(results)),
-        _section("Where plans fail", _FAIL, verdicts(results)),
-        _folded("Every score", sections.details(results)),
-        _folded("Perplexity and multiple choice", sections.likelihoods(results)),
-        _folded("How to repeat this", _about(results)),
+        Part("table", "Results", _TABLE, sections.table(results)),
+        Part("suites", "Valid plans by suite", _VALID, _figure(figures.validity(results))),
+        Part("decoding", "Ways of decoding", _DECODE, _figure(figures.by_decode(results))),
+        Part("lengths", "Valid plans by length", _LENGTH, _figure(figures.by_length(results))),
+        Part("failures", "Where plans fail", _FAIL, _figure(figures.verdicts(results))),
+        Part("steps", "First step at fault", _FIRST, _figure(figures.failing_steps(results))),
+        Part("training", "Training", _TRAINING, _figure(figures.losses(results.models))),
+        Part("problems", "Plans in their state graphs", _GRAPH, chosen_problems(results)),
+        Part("examples", "What the models wrote", _EXAMPLES, examples(results)),
     ]
 
 
 _TABLE = (
-    "Share of valid plans in per cent with its 95 % interval (Wilson). A plan is valid if every step can be executed "
-    "and the last state satisfies the goal of the prompt's own PDDL problem. Perplexity is 2^H over the plans, on "
-    "the first suite; its floor is what a perfect model reaches. Lines with * had the oracle's help while decoding."
+    "Valid plans in per cent with the 95 % interval (Wilson). A plan is valid if every step can be executed and "
+    "the last state satisfies the goal of the prompt's own PDDL problem. Perplexity is 2^H over the plans of the "
+    "first suite; its floor is what a perfect model reaches. Choice is how often the second head prefers a plan "
+    "to its corruption."
 )
-_VALID = "Greedy decoding without any help, or the first way of decoding that was run."
+_VALID = "Without any help; the lines are 95 % intervals."
+_DECODE = "With * the oracle took part in decoding or choosing."
+_LENGTH = "By the number of steps of the shortest plan, all suites together, with 95 % intervals."
+_FAIL = "What the oracle says of the plans that are not valid, in per cent of all prompts."
+_FIRST = (
+    "Of the plans that fail at a step, where they do: the first step that cannot be applied, or one past the last"
+    " where the goal is not reached. In brackets, how many plans there are."
+)
 _TRAINING = (
-    "LM loss in nats a token on training (solid) and validation data (dashed). Tokenizers differ in how many "
-    "tokens a plan has, so only curves of one tokenizer compare."
+    "LM loss on training (solid) and validation data (dashed), and the floor that no model of the validation data"
+    " can go below. Tokenizers differ in how many tokens a plan has, so only curves of one tokenizer compare."
 )
 _GRAPH = (
-    "States on plans of up to two steps more than this one. The initial state is blue, goal states are red, the plan's "
-    "path is green. Hover over a state to read it."
+    'States from the initial one <span class="key init">0</span> down to the goal <span class="key goal">n</span>, '
+    'with a model&rsquo;s steps <span class="key step">n</span> over the oracle&rsquo;s shortest plan '
+    '<span class="key oracle"></span>. Bars and numbers: how probable the model found each step, and then its '
+    "state. Point at a state to read it."
 )
-_EXAMPLES = "The same prompt, every model. Actions and the atoms that a state adds are marked."
-_LENGTH = "By the number of steps of the shortest plan."
-_FAIL = "What the oracle says of the invalid plans, in per cent of all prompts."
+_EXAMPLES = (
+    "The same prompt, every model. Marked: the action, and the atoms that are new in the state; struck out: those"
+    " that are gone. Red: the step at fault."
+)
 
 
-def _section(title: str, note: str, body: str) -> str:
-    return f"<h2>{title}</h2><p class=faint>{note}</p>{body}" if body else ""
+def _section(part: Part) -> str:
+    note = f'<p class="faint">{part.note}</p>'
+    return f'<section id="{part.key}"><h2>{part.title}</h2>{note}{part.body}</section>'
+
+
+def _folds(results: Results) -> str:
+    """What only some readers want."""
+    return (
+        _folded("Every score", sections.details(results))
+        + _folded("Perplexity and multiple choice", sections.likelihoods(results))
+        + _folded("How to repeat this", _about(results))
+    )
 
 
 def _folded(title: str, body: str) -> str:
@@ -90,122 +117,14 @@ def _folded(title: str, body: str) -> str:
 
 
 def _opening(results: Results) -> str:
+    models, suites = len(results.models), len(ordered(s.suite for s in results.scores))
     prompts = sum(s.prompts for s in results.scores)
-    suites = len(ordered(s.suite for s in results.scores))
-    line = f"{len(results.models)} models, {suites} suites, {prompts} plans checked; {escape(results.created)}."
-    return f"<p class=faint>{line}</p>{sections.cards(results)}"
+    line = f"{models} models, {suites} suites, {prompts:,} plans checked; {escape(results.created[:10])}"
+    return f'<p class="faint">{line}</p>{sections.cards(results)}'
 
 
-def free_scores(results: Results) -> list[Score]:
-    """The scores of the first way of decoding."""
-    first = results.scores[0].decode
-    return [s for s in results.scores if s.decode == first]
-
-
-def validity(results: Results) -> str:
-    """Bars of % valid with intervals, by suite and model."""
-    scores = free_scores(results)
-    suites = ordered(s.suite for s in scores)
-    series: dict[str, list[Bar | None]] = {}
-    for model in ordered(s.model for s in scores):
-        found = {s.suite: Bar(100 * s.share, 100 * s.valid_low, 100 * s.valid_high) for s in scores if s.model == model}
-        series[model] = [found.get(suite) for suite in suites]
-    return _figure(charts.bars(suites, series, "% valid"))
-
-
-def losses(models: Sequence[Model]) -> str:
-    """Loss curves (Figure 3) of the models whose `metrics.jsonl` is at hand."""
-    lines: list[Curve] = []
-    for number, model in enumerate(models):
-        found = read_metrics(model.path)
-        for kind in ("train", "validation"):
-            rows = [row for row in found if row.get("kind") == kind and row.get("lm_loss") is not None]
-            if rows:
-                name = model.name + (" (validation)" if kind == "validation" else "")
-                x, y = [row["step"] for row in rows], [row["lm_loss"] for row in rows]
-                lines.append(Curve(name, x, y, number, dashed=kind == "validation"))
-    return _figure(charts.curves(lines, "optimisation steps", "LM loss", log=True)) if lines else ""
-
-
-def read_metrics(folder: str | Path) -> list[dict[str, Any]]:
-    """The lines of a run's `metrics.jsonl`, in the folder or the one above; nothing where there is none."""
-    for place in (Path(folder), Path(folder).parent):
-        path = place / "metrics.jsonl"
-        if path.is_file():
-            return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    return []
-
-
-def state_graph(results: Results) -> str:
-    """The state graph of the first example whose graph is small enough, with its plan (Figure 1)."""
-    for found in results.examples:
-        drawn = _draw_graph(found, results)
-        if drawn:
-            return drawn
-    return ""
-
-
-def _draw_graph(found: Example, results: Results) -> str:
-    path = Path(results.data) / "domain.pddl"
-    if not path.is_file():
-        return ""
-    domain = _native.Domain.parse(path.read_text(encoding="utf-8"), str(path))
-    task = _native.Task(domain, _native.Problem.parse(found.problem, domain))
-    valid = next((o for o in found.outputs if o.verdict == "valid"), None)
-    plan = (valid.plan if valid else found.reference).split("\n")
-    plan = [line.strip() for line in plan if line.strip()]
-    spelled = _spell(task, len(plan))
-    if spelled is None:
-        return ""
-    whose = f"the plan of {valid.model}" if valid else "one of the oracle's plans"
-    caption = f"{escape(found.suite)}, prompt {found.index}: {len(spelled.states)} states; the path is {escape(whose)}."
-    drawn = graph.draw(spelled, plan)
-    return f'<figure><div class="wide">{drawn}</div><figcaption>{caption}</figcaption></figure>'
-
-
-def _spell(task: _native.Task, steps: int) -> graph.StateGraph | None:
-    """The graph of all plans of two steps more than the plan's, or as many more as can be drawn."""
-    for horizon in (steps + 2, steps + 1, steps):
-        try:
-            return graph.StateGraph(*_native.state_graph(task, horizon, max_states=MAX_STATES))
-        except _native.LimitError:
-            continue
-    return None
-
-
-def examples(results: Results, count: int = 3) -> str:
-    """The prompts that tell the models apart best come first: those with the most different verdicts."""
-    ranked = sorted(results.examples, key=lambda e: (-len({o.verdict for o in e.outputs}), e.suite != "unseen-objects"))
-    return "".join(sections.example(found) for found in ranked[:count])
-
-
-def by_length(results: Results) -> str:
-    """% valid over the shortest plan's length, all suites together."""
-    lines = []
-    for number, model in enumerate(ordered(s.model for s in free_scores(results))):
-        counts: dict[int, list[int]] = {}
-        for score in (s for s in free_scores(results) if s.model == model):
-            for length, (right, tried) in score.by_length.items():
-                found = counts.setdefault(int(length), [0, 0])
-                found[0], found[1] = found[0] + right, found[1] + tried
-        lengths = sorted(length for length, (_, tried) in counts.items() if tried >= 5)
-        shares = [100 * counts[length][0] / counts[length][1] for length in lengths]
-        lines.append(Curve(model, lengths, shares, number))
-    return _figure(charts.curves(lines, "steps of the shortest plan", "% valid", percent=True))
-
-
-def verdicts(results: Results) -> str:
-    """Stacked verdicts of the invalid plans, by model and suite."""
-    scores = [s for s in free_scores(results) if s.valid < s.prompts]
-    names = [name for name in ordered(name for s in scores for name in s.verdicts) if name != "valid"]
-    if not names:
-        return ""
-    parts = {n.replace("_", " "): [100 * s.verdicts.get(n, 0) / s.prompts for s in scores] for n in names}
-    return _figure(charts.stacks([f"{s.model}, {s.suite}" for s in scores], parts, "% of prompts"))
-
-
-def _figure(svg: str) -> str:
-    return f'<figure><div class="wide">{svg}</div></figure>'
+def _figure(drawn: str) -> str:
+    return f"<figure>{drawn}</figure>" if drawn else ""
 
 
 def _about(results: Results) -> str:

@@ -1,32 +1,37 @@
 """The charts of the report as inline SVG, drawn by matplotlib without a display.
 
-Every colour is a name that the page's style sheet defines, so that one drawing serves light and dark; text stays text.
-It knows numbers and labels, not where they come from.
+Each chart is drawn twice, for a wide page and for a telephone, and the style sheet shows one of them: text keeps its
+size where a single drawing would shrink it. Every colour is a name that the page's style sheet defines, so that one
+drawing serves light and dark; text stays text. It knows numbers and labels, not where they come from.
 """
 
 from __future__ import annotations
 
 import io
 import re
+import textwrap
 from contextlib import contextmanager
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 COLOURS = {
     "#000001": "var(--ink)",
     "#000002": "var(--faint)",
     "#000003": "var(--line)",
+    "#000004": "var(--panel)",
     **{f"#0000{n:02x}": f"var(--s{n - 15})" for n in range(16, 24)},
 }
 """What matplotlib is told to draw with, and what the style sheet calls it."""
 
-INK, FAINT, LINE = "#000001", "#000002", "#000003"
+INK, FAINT, LINE, PANEL = "#000001", "#000002", "#000003", "#000004"
 SERIES = [f"#0000{n:02x}" for n in range(16, 24)]
 """Eight colours for eight series."""
 
@@ -48,8 +53,12 @@ STYLE: Any = {
 }
 
 
+WIDE, NARROW = 8.2, 3.45
+"""Widths in inches: 787 and 331 pixels of the page."""
+
+
 @dataclass(frozen=True, slots=True)
-class Bar:
+class Share:
     """A share in per cent with its interval."""
 
     value: float
@@ -62,88 +71,143 @@ class Curve:
     """A named line; `dashed` for what is measured on other data than the solid one."""
 
     name: str
+    """What the legend calls it; empty for a line that needs no entry of its own."""
     x: Sequence[float]
     y: Sequence[float]
     colour: int
     dashed: bool = False
+    low: Sequence[float] | None = None
+    """Lower ends of the intervals around `y`, where there are such."""
+    high: Sequence[float] | None = None
 
 
-def bars(groups: Sequence[str], series: dict[str, list[Bar | None]], label: str) -> str:
-    """Horizontal bars with intervals: one group a suite, one colour a series."""
-    height = 0.2 + 0.17 * len(groups) * (len(series) + 0.8)
-    with _figure(height + 0.6) as (figure, axes):
-        step = 1 / (len(series) + 0.8)
-        for index, (name, values) in enumerate(series.items()):
-            _one_series(axes, index, step, name, values)
-        middle = step * (len(series) - 1) / 2
-        axes.set_yticks([g + middle for g in range(len(groups))], groups)
-        axes.tick_params(axis="y", length=0, labelcolor=INK)
-        axes.set(xlim=(0, 100), ylim=(len(groups) - 1 + 1 - step, -step), xlabel=label)
-        axes.grid(axis="x")
-        _legend(figure, axes)
-        return _svg(figure, f"{label} by suite")
+def shares(groups: Sequence[str], series: dict[str, list[Share | None]], label: str, title: str) -> str:
+    """A dot with its interval for each series in each group: one band a group, one colour a series."""
+
+    def draw(width: float) -> str:
+        step = 0.72 / max(len(series), 1)
+        with _figure(width, 0.75 + len(groups) * (0.17 * len(series) + 0.14)) as (figure, axes):
+            for group in range(0, len(groups), 2):
+                axes.axhspan(group - 0.5, group + 0.5, color=PANEL, lw=0, zorder=0)
+            for index, (name, values) in enumerate(series.items()):
+                _dots(axes, (index - (len(series) - 1) / 2) * step, SERIES[index % len(SERIES)], name, values)
+            _group_names(axes, groups, width)
+            axes.set(xlim=(-2, 102), xlabel=label)
+            _legend(figure, axes, width)
+            return _svg(figure, title, width)
+
+    return _both(draw)
 
 
-def _one_series(axes: Any, index: int, step: float, name: str, values: list[Bar | None]) -> None:
-    found = [(group, bar) for group, bar in enumerate(values) if bar is not None]
-    at = [group + index * step for group, _ in found]
-    colour = SERIES[index % len(SERIES)]
-    axes.barh(at, [bar.value for _, bar in found], height=step * 0.85, color=colour, label=name, zorder=2)
-    errors = [[bar.value - bar.low for _, bar in found], [bar.high - bar.value for _, bar in found]]
-    middles = [bar.value for _, bar in found]
-    axes.errorbar(middles, at, xerr=errors, fmt="none", ecolor=INK, elinewidth=1, capsize=1.5, zorder=3)
+def _dots(axes: Any, offset: float, colour: str, name: str, values: list[Share | None]) -> None:
+    found = [(group + offset, share) for group, share in enumerate(values) if share is not None]
+    at, middles = [y for y, _ in found], [share.value for _, share in found]
+    errors = [
+        [max(0.0, share.value - share.low) for _, share in found],
+        [max(0.0, share.high - share.value) for _, share in found],
+    ]
+    style = {"fmt": "o", "ms": 5, "capsize": 0, "elinewidth": 1.8, "zorder": 3}
+    axes.errorbar(middles, at, xerr=errors, color=colour, ecolor=colour, label=name, **style)
 
 
-def curves(lines: Sequence[Curve], xlabel: str, ylabel: str, *, log: bool = False, percent: bool = False) -> str:
-    """Lines over a common axis."""
-    with _figure(3.1) as (figure, axes):
-        for line in lines:
-            style = "--" if line.dashed else "-"
-            marker = "o" if len(line.x) < 30 else ""
-            colour = SERIES[line.colour % len(SERIES)]
-            axes.plot(line.x, line.y, style, color=colour, label=line.name, lw=1.6, marker=marker, ms=3)
-        axes.set(xlabel=xlabel, ylabel=ylabel)
-        if log:
-            axes.set_yscale("log")
-        if percent:
-            axes.set_ylim(-2, 102)
-        axes.grid()
-        _legend(figure, axes)
-        return _svg(figure, f"{ylabel} over {xlabel}")
+def curves(
+    lines: Sequence[Curve],
+    xlabel: str,
+    ylabel: str,
+    *,
+    log: bool = False,
+    percent: bool = False,
+    integer: bool = False,
+    floors: Sequence[float] = (),
+) -> str:
+    """Lines over a common axis; a dotted line at each floor."""
+
+    def draw(width: float) -> str:
+        with _figure(width, 3.4 if width == WIDE else 3.1) as (figure, axes):
+            for line in lines:
+                _line(axes, line)
+            for number, floor in enumerate(floors):
+                axes.axhline(floor, color=FAINT, ls=":", lw=1.4, label="" if number else "floor", zorder=1)
+            axes.set(xlabel=xlabel, ylabel=ylabel)
+            if log:
+                axes.set_yscale("log")
+                axes.yaxis.set_major_formatter("{x:g}")
+                axes.yaxis.set_minor_formatter(NullFormatter())
+            if percent:
+                axes.set_ylim(-3, 103)
+            if percent or integer:
+                axes.xaxis.get_major_locator().set_params(integer=True)
+            axes.grid()
+            _legend(figure, axes, width)
+            return _svg(figure, f"{ylabel} over {xlabel}", width)
+
+    return _both(draw)
 
 
-def stacks(groups: Sequence[str], parts: dict[str, list[float]], label: str) -> str:
+def _line(axes: Any, line: Curve) -> None:
+    marker = "o" if len(line.x) < 30 else ""
+    colour = SERIES[line.colour % len(SERIES)]
+    style = {"lw": 1.8, "marker": marker, "ms": 3.5}
+    axes.plot(line.x, line.y, "--" if line.dashed else "-", color=colour, label=line.name, **style)
+    if line.low is not None and line.high is not None:
+        axes.fill_between(line.x, line.low, line.high, color=colour, alpha=0.14, lw=0)
+
+
+def stacks(groups: Sequence[str], parts: dict[str, list[float]], label: str, title: str) -> str:
     """Horizontal bars of parts that add up: one bar a group, one colour a part."""
-    with _figure(0.9 + 0.24 * len(groups)) as (figure, axes):
-        left = [0.0] * len(groups)
-        for index, (name, widths) in enumerate(parts.items()):
-            axes.barh(range(len(groups)), widths, left=left, color=SERIES[index % len(SERIES)], label=name, height=0.75)
-            left = [a + b for a, b in zip(left, widths, strict=True)]
-        axes.set_yticks(range(len(groups)), groups)
-        axes.tick_params(axis="y", length=0, labelcolor=INK)
-        axes.set(xlabel=label, ylim=(len(groups) - 0.5, -0.5))
-        axes.grid(axis="x")
-        axes.set_axisbelow(True)
-        _legend(figure, axes)
-        return _svg(figure, label)
+
+    def draw(width: float) -> str:
+        lines = max((name.count("\n") + 1 for name in _names(groups, width)), default=1)
+        with _figure(width, 0.9 + (0.12 + 0.15 * lines) * len(groups)) as (figure, axes):
+            left = [0.0] * len(groups)
+            for index, (name, widths) in enumerate(parts.items()):
+                colour = SERIES[index % len(SERIES)]
+                axes.barh(range(len(groups)), widths, left=left, color=colour, label=name, height=0.7, zorder=2)
+                left = [a + b for a, b in zip(left, widths, strict=True)]
+            _group_names(axes, groups, width)
+            axes.set(xlabel=label)
+            _legend(figure, axes, width)
+            return _svg(figure, title, width)
+
+    return _both(draw)
+
+
+def _names(groups: Sequence[str], width: float) -> list[str]:
+    """The groups' names, on several lines where there is little room."""
+    if width == WIDE:
+        return list(groups)
+    return ["\n".join(textwrap.wrap(name, 13, break_on_hyphens=True)) for name in groups]
+
+
+def _group_names(axes: Any, groups: Sequence[str], width: float) -> None:
+    axes.set_yticks(range(len(groups)), _names(groups, width))
+    axes.tick_params(axis="y", length=0, labelcolor=INK)
+    axes.set_ylim(len(groups) - 0.5, -0.5)
+    axes.grid(axis="x")
+    axes.set_axisbelow(True)
+
+
+def _both(draw: Callable[[float], str]) -> str:
+    return f'<div class="only-wide">{draw(WIDE)}</div><div class="only-narrow">{draw(NARROW)}</div>'
 
 
 @contextmanager
-def _figure(height: float) -> Iterator[tuple[Figure, Any]]:
-    """A figure in the page's style, 7 inches wide, and its axes."""
+def _figure(width: float, height: float) -> Iterator[tuple[Figure, Any]]:
+    """A figure in the page's style and its axes; sizes in inches."""
     with rc_context(STYLE):
-        figure = Figure(figsize=(7, height), layout="constrained")
+        figure = Figure(figsize=(width, height), layout="constrained")
         yield figure, figure.subplots()
 
 
-def _legend(figure: Figure, axes: Any) -> None:
+def _legend(figure: Figure, axes: Any, width: float) -> None:
     """The names above the drawing, in as many columns as fit."""
     handles, labels = axes.get_legend_handles_labels()
-    columns = max(1, min(len(labels), 95 // (max(map(len, labels), default=1) + 6)))
-    figure.legend(handles, labels, loc="outside upper left", ncols=columns, fontsize=9, handlelength=1.2)
+    room = int(width * 13)
+    columns = max(1, min(len(labels), room // (max(map(len, labels), default=1) + 6)))
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns, handlelength=1.2, columnspacing=1.4)
 
 
-def _svg(figure: Figure, title: str) -> str:
+def _svg(figure: Figure, title: str, width: float) -> str:
     """The figure as an SVG element that scales with the page and takes its colours from it."""
     out = io.StringIO()
     figure.savefig(out, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
@@ -151,11 +215,10 @@ def _svg(figure: Figure, title: str) -> str:
     text = text[text.index("<svg") :]
     for colour, name in COLOURS.items():
         text = text.replace(colour, name)
-    text = re.sub(
-        r'(<svg[^>]*?) width="[^"]*"', r"\1", re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1), count=1
-    )
-    text = _unique_ids(text, title)
-    return text.replace("<svg ", f'<svg role="img" aria-label="{title}" class="chart" ', 1)
+    for name in ("height", "width"):
+        text = re.sub(rf'(<svg[^>]*?) {name}="[^"]*"', r"\1", text, count=1)
+    text = _unique_ids(text, f"{title}-{'wide' if width == WIDE else 'narrow'}")
+    return text.replace("<svg ", f'<svg role="img" aria-label="{escape(title)}" class="chart" ', 1)
 
 
 def _unique_ids(text: str, title: str) -> str:

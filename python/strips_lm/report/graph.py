@@ -1,7 +1,7 @@
-"""A problem's state graph as inline SVG (Figure 1): layers by distance from the initial state, the plan in it.
+"""A problem's state graph as inline SVG (Figure 1): layers by distance from the initial state, plans as paths in it.
 
 States of a layer are ordered by where their predecessors stand (the barycentre rule of Sugiyama et al. 1981), which
-keeps edges short. Hovering over a state shows its atoms.
+keeps edges short. The model's states bear the numbers of its steps. Hovering over a state shows its atoms.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-WIDTH, LAYER = 760, 92
+WIDTH, LAYER = 480, 66
 """Width of the drawing, and the distance between two layers."""
 
 
@@ -40,17 +40,23 @@ def walk(graph: StateGraph, plan: Sequence[str]) -> list[int]:
     return path
 
 
-def draw(graph: StateGraph, plan: Sequence[str]) -> str:
-    """The drawing, with the plan's states and operators marked and named."""
-    path = walk(graph, plan)
+def draw(graph: StateGraph, plan: Sequence[str], oracle: Sequence[str] = ()) -> str:
+    """The drawing, with the states of a model's plan marked and numbered, and the oracle's plan beneath it.
+
+    Where the model's next operator leads out of the graph, because it cannot be applied or because the goal is then too
+    far away, its path ends in a cross.
+    """
+    path, other = walk(graph, plan), walk(graph, oracle)
     places = _places(graph, path)
-    height = (max(graph.depths) + 1) * LAYER
-    parts = [f'<svg class="graph" role="img" aria-label="state graph" viewBox="0 0 {WIDTH} {height}">']
-    on_path = set(itertools.pairwise(path))
-    parts += [_edge(places, source, target) for source, target, _ in graph.edges if (source, target) not in on_path]
+    lost = len(path) - 1 < len(plan)
+    height = (max(graph.depths) + (1.7 if lost else 1)) * LAYER
+    parts = [f'<svg class="graph" role="img" aria-label="state graph" viewBox="0 0 {WIDTH} {height:.0f}">']
+    parts += [_edge(places, source, target) for source, target, _ in graph.edges]
+    parts += [_edge(places, source, target, "oracle") for source, target in itertools.pairwise(other)]
     parts += [_edge(places, source, target, "path") for source, target in itertools.pairwise(path)]
-    parts += [_node(graph, places, state, path) for state in range(len(graph.states))]
-    parts += [_label(places, path, step, operator) for step, operator in enumerate(plan[: len(path) - 1])]
+    parts += [_node(graph, places, state) for state in range(len(graph.states)) if state not in path]
+    parts += [_cross(*places[path[-1]])] if lost else []
+    parts += [_numbered(graph, places, state, path) for state in dict.fromkeys(path)]
     return "".join([*parts, "</svg>"])
 
 
@@ -85,14 +91,33 @@ def _edge(places: list[tuple[float, float]], source: int, target: int, kind: str
     return f'<path class="{kind}" d="{curve}"/>'
 
 
-def _node(graph: StateGraph, places: list[tuple[float, float]], state: int, path: Sequence[int]) -> str:
-    kind = "goal" if graph.goals[state] else "init" if state == 0 else "step" if state in path else "state"
-    (x, y), size = places[state], 7 if kind == "init" or state in path else 3.5
-    atoms = escape(", ".join(graph.states[state]))
-    return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{size}"><title>{atoms}</title></circle>'
+def _node(graph: StateGraph, places: list[tuple[float, float]], state: int) -> str:
+    layer = sum(1 for depth in graph.depths if depth == graph.depths[state])
+    size = 6.0 if graph.goals[state] else max(1.2, min(3.5, 0.36 * (WIDTH - 40) / layer))
+    x, y = places[state]
+    kind = "goal" if graph.goals[state] else "state"
+    return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{size:.1f}">{_title(graph, state)}</circle>'
 
 
-def _label(places: list[tuple[float, float]], path: Sequence[int], step: int, operator: str) -> str:
-    (x1, y1), (x2, y2) = places[path[step]], places[path[step + 1]]
-    x, y = (x1 + x2) / 2 + 10, (y1 + y2) / 2 + 4
-    return f'<text class="operator" x="{x:.1f}" y="{y:.1f}">{escape(operator)}</text>'
+def _numbered(graph: StateGraph, places: list[tuple[float, float]], state: int, path: Sequence[int]) -> str:
+    """A state of the plan with the last step that led to it."""
+    x, y = places[state]
+    number = len(path) - 1 - list(reversed(path)).index(state)
+    kind = "goal" if graph.goals[state] else "init" if state == 0 else "step"
+    return (
+        f'<g class="{kind}"><circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="11">{_title(graph, state)}</circle>'
+        f'<text x="{x:.1f}" y="{y + 4.5:.1f}">{number}</text></g>'
+    )
+
+
+def _cross(x: float, y: float) -> str:
+    """A way out that leads nowhere."""
+    below = y + LAYER
+    return (
+        f'<path class="lost" d="M{x:.1f} {y:.1f}V{below - 8:.1f}"/>'
+        f'<path class="cross" d="M{x - 7:.1f} {below - 7:.1f}l14 14m0 -14l-14 14"/>'
+    )
+
+
+def _title(graph: StateGraph, state: int) -> str:
+    return f"<title>{escape(', '.join(graph.states[state]))}</title>"

@@ -1,48 +1,68 @@
-"""The report's sections as HTML, each from the results alone. It draws nothing and reads no file."""
+"""The report's cards and tables as HTML, each from the results alone. It draws nothing and reads no file."""
 
 from __future__ import annotations
 
-import re
 from html import escape
 from typing import TYPE_CHECKING
 
 from strips_lm.evaluate.table import ordered, percent
+from strips_lm.report.figures import free_scores
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from strips_lm.evaluate.results import Example, Likelihood, Output, Results, Score
+    from strips_lm.evaluate.results import Likelihood, Results, Score
 
 
 def cards(results: Results) -> str:
     """The headline numbers: each model's share of valid plans on names that it has not seen, or on its first suite."""
-    wanted = "unseen-objects" if any(s.suite == "unseen-objects" for s in results.scores) else results.scores[0].suite
-    found = [s for s in results.scores if s.suite == wanted and s.decode == results.scores[0].decode]
-    inner = "".join(
-        f'<div class="card"><b>{100 * s.share:.1f} %</b>{escape(s.model)}<br>'
-        f"<small>valid on {escape(s.suite)}, {escape(s.decode)}</small></div>"
-        for s in found
-    )
+    free = free_scores(results)
+    wanted = "unseen-objects" if any(s.suite == "unseen-objects" for s in free) else free[0].suite
+    inner = "".join(_card(number, s) for number, s in enumerate(s for s in free if s.suite == wanted))
     return f'<div class="cards">{inner}</div>'
 
 
+def _card(number: int, s: Score) -> str:
+    """One share and its interval, in the colour that the model has in the charts."""
+    ends = f"left:{100 * s.valid_low:.1f}%;right:{100 - 100 * s.valid_high:.1f}%"
+    return (
+        f'<div class="card s{number % 8 + 1}"><b>{100 * s.share:.1f} %</b>{escape(s.model)}'
+        f'<div class="interval"><i style="{ends}"></i></div>'
+        f"<small>valid on {escape(s.suite)}, {escape(s.decode)}, {s.prompts} prompts</small></div>"
+    )
+
+
 def table(results: Results) -> str:
-    """Table 1: a line for each model and way of decoding, a column for each suite."""
+    """Table 1: a line for each model and way of decoding, a column for each suite; the oracle's help stands apart."""
     suites = ordered(s.suite for s in results.scores)
-    heads = ["model", "decode", "perplexity", "choice %", *suites]
-    ranked = sorted(results.scores, key=lambda s: s.oracle_helps)
-    rows = [_row(results, *line, suites) for line in ordered((s.model, s.decode) for s in ranked)]
-    head = "".join(f"<th>{escape(name)}</th>" for name in heads)
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
+    first = free_scores(results)[0].decode
+    free = ordered((s.model, s.decode) for s in results.scores if not s.oracle_helps)
+    free.sort(key=lambda line: line[1] != first)
+    helped = ordered((s.model, s.decode) for s in results.scores if s.oracle_helps)
+    heads = "".join(f"<th>{_breaking(name)}</th>" for name in ["model", *suites, "perplexity", "choice %"])
+    body = _lines(results, "Without help", free, suites) + _lines(results, "With the oracle's help", helped, suites)
+    return f'<div class="scroll"><table class="results"><thead><tr>{heads}</tr></thead>{body}</table></div>'
+
+
+def _breaking(name: str) -> str:
+    """A column's name that may break after its hyphens."""
+    return escape(name).replace("-", "-<wbr>")
+
+
+def _lines(results: Results, title: str, lines: Sequence[tuple[str, str]], suites: Sequence[str]) -> str:
+    """A part of the table with its own heading; nothing where it has no line."""
+    if not lines:
+        return ""
+    rows = "".join(_row(results, *line, suites) for line in lines)
+    return f'<tbody><tr><th class="part" colspan="{len(suites) + 3}"><span>{title}</span></th></tr>{rows}</tbody>'
 
 
 def _row(results: Results, model: str, decode: str, suites: Sequence[str]) -> str:
     scores = {s.suite: s for s in results.scores if (s.model, s.decode) == (model, decode)}
-    helped = any(s.oracle_helps for s in scores.values())
-    cells = [f"<td>{escape(model)}</td>", f'<td class="text">{escape(decode)}{" *" if helped else ""}</td>']
-    cells += _likelihood_cells([k for k in results.likelihoods if k.model == model])
+    cells = [f"<td>{escape(model)}<small>{escape(decode)}</small></td>"]
     cells += [_share_cell(scores.get(suite), results) for suite in suites]
-    return f"<tr{' class=helped' if helped else ''}>{''.join(cells)}</tr>"
+    cells += _likelihood_cells([k for k in results.likelihoods if k.model == model])
+    return f"<tr>{''.join(cells)}</tr>"
 
 
 def _likelihood_cells(found: Sequence[Likelihood]) -> list[str]:
@@ -56,12 +76,14 @@ def _likelihood_cells(found: Sequence[Likelihood]) -> list[str]:
 
 
 def _share_cell(score: Score | None, results: Results) -> str:
+    """The share with its interval, on a ground whose strength is the share; the best of its part is bold."""
     if score is None:
         return "<td>–</td>"
-    free = [s.share for s in results.scores if s.suite == score.suite and not s.oracle_helps]
-    best = " class=best" if not score.oracle_helps and score.share == max(free) else ""
+    peers = [s.share for s in results.scores if (s.suite, s.oracle_helps) == (score.suite, score.oracle_helps)]
+    best = " best" if score.share == max(peers) > 0 else ""
     spread = f"{100 * score.valid_low:.1f}–{100 * score.valid_high:.1f}"
-    return f"<td{best}>{100 * score.share:.1f}<small>{spread}</small></td>"
+    ground = f"--share:{100 * score.share:.0f}%"
+    return f'<td class="share{best}" style="{ground}">{100 * score.share:.1f}<small>{spread}</small></td>'
 
 
 def details(results: Results) -> str:
@@ -96,49 +118,4 @@ def _likelihood(k: Likelihood) -> list[str]:
 def _plain_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in heads)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def example(found: Example) -> str:
-    """One prompt and the models' outputs side by side, with what each state changed marked (Figure 4)."""
-    prompt = re.sub(r" (?=<[A-Z|]+)", "\n", found.prompt)
-    outputs = "".join(_output(found, output) for output in found.outputs)
-    return (
-        f"<h3>{escape(found.suite)}, prompt {found.index}</h3><pre>{escape(prompt)}</pre>"
-        f'<div class="outputs">{outputs}</div>'
-    )
-
-
-def _output(found: Example, output: Output) -> str:
-    if output.verdict == "valid" and output.finished:
-        verdict = '<span class="good">valid: reaches the goal</span>'
-    else:
-        reason = output.reason if output.verdict != "valid" else "the text does not end"
-        verdict = f'<span class="bad">{escape(output.verdict.replace("_", " "))}</span> {escape(reason)}'
-    body = _marked(found.prompt, output.text)
-    title = f"{escape(output.model)} <small>{escape(output.decode)}</small>"
-    return f'<div class="output"><h3>{title}</h3><pre>{body}</pre><p>{verdict}</p></div>'
-
-
-def _marked(prompt: str, text: str) -> str:
-    """The completion, one segment a line, with actions and the atoms that are new in a state marked."""
-    before = _atoms(prompt.rsplit("<INIT>", 1)[-1].split("<", 1)[0])
-    lines = []
-    for segment in re.split(r"(?=<ACTION>|<STATE>|<\|endoftext\|>)", text[:6000]):
-        if segment.startswith("<STATE>"):
-            atoms = _atoms(segment.removeprefix("<STATE>"))
-            lines.append("&lt;STATE&gt; " + ", ".join(_mark(a) if a not in before else escape(a) for a in atoms))
-            before = atoms
-        elif segment.startswith("<ACTION>"):
-            lines.append("&lt;ACTION&gt; " + _mark(segment.removeprefix("<ACTION>").strip()))
-        elif segment.strip():
-            lines.append(escape(segment.strip()))
-    return "\n".join(lines)
-
-
-def _atoms(text: str) -> list[str]:
-    return [atom.strip() for atom in re.split(r",\s*(?![^()]*\))", text) if atom.strip()]
-
-
-def _mark(text: str) -> str:
-    return f"<mark>{escape(text)}</mark>"
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
