@@ -23,7 +23,8 @@ from strips_lm.decode.gpt2 import Gpt2Decoder
 from strips_lm.decode.loop import pad
 from strips_lm.decode.lstm import LstmDecoder
 from strips_lm.decode.masked import MaskedLoop
-from strips_lm.decode.search import SearchLoop
+from strips_lm.decode.search import Budget, SearchLoop
+from strips_lm.fallback import Fallback
 from strips_lm.forward import hidden_at
 from strips_lm.guide import OracleGuide
 from strips_lm.lstm import LstmLMHeadModel
@@ -70,6 +71,8 @@ class Completion:
     """`masked`, `search`: the probability that the mask took away, summed over the choices."""
     ids: Sequence[int] = ()
     """The tokens themselves."""
+    by_oracle: bool = False
+    """`generate.fallback`: whether the oracle's own search wrote it, the model having come to no plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,10 +167,13 @@ class Planner:
         return Drawn(ids, made, texts, time.perf_counter() - started)
 
     def choose(self, prompts: Sequence[str], drawn: Drawn, rerank: str, judge: Judge | None = None) -> Batch:
-        """The best of each prompt's samples by the head, by likelihood, or by the oracle (then by likelihood)."""
+        """The best of each prompt's samples by the head, by likelihood, or by the oracle (then by likelihood).
+
+        By `first` it is the first one, which is what a single sample is worth.
+        """
         started = time.perf_counter()
-        scores = self._rate(drawn, rerank, judge)
         k = self.config.samples
+        scores = [(0.0,)] * len(drawn.made) if rerank == "first" else self._rate(drawn, rerank, judge)
         best = [max(range(i * k, i * k + k), key=scores.__getitem__) for i in range(len(prompts))]
         seconds = drawn.seconds + time.perf_counter() - started
         return Batch([drawn.texts[i] for i in best], sum(len(g.tokens) for g in drawn.made), seconds)
@@ -241,9 +247,17 @@ class Planner:
             decoder, guide = self._decoder(self.config.rows), OracleGuide(self.tokenizer, legends, tasks)
             if decode == "masked":
                 return MaskedLoop(decoder, guide, limits, on_done=done)
-            return SearchLoop(decoder, guide, limits, calls=self.config.search_calls, on_done=done)
+            return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done)
 
-        return run_jobs(self._jobs(ids), loop, self.workers)
+        made = run_jobs(self._jobs(ids), loop, self.workers)
+        if not self.config.fallback:
+            return made
+        oracle = Fallback(OracleGuide(self.tokenizer, legends, tasks), self.config.fallback_seconds)
+        return [g if g.finished else oracle.answer(g) for g in made]
+
+    def _budget(self) -> Budget:
+        config = self.config
+        return Budget(calls=config.search_calls, seconds=config.search_seconds, shorter=config.search_shorter)
 
     def _limits(self) -> Limits:
         return Limits(stop=self.tokenizer.end_id, max_new=self.config.max_new)
@@ -262,7 +276,7 @@ class Planner:
     def _texts(self, ids: Sequence[Any], legends: Sequence[Any], made: Sequence[Generation]) -> list[Completion]:
         texts = self.tokenizer.decode_completions(ids, [g.tokens for g in made], legends)
         return [
-            Completion(text, len(g.tokens), g.finished, g.log_probability, g.choices, g.removed, g.tokens)
+            Completion(text, len(g.tokens), g.finished, g.log_probability, g.choices, g.removed, g.tokens, g.by_oracle)
             for text, g in zip(texts, made, strict=True)
         ]
 

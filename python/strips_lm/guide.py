@@ -10,6 +10,8 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from strips_lm import _native
 from strips_lm.config import ConfigError
 from strips_lm.tokenizer import CanonicalTokenizer
@@ -17,7 +19,6 @@ from strips_lm.tokenizer import CanonicalTokenizer
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from strips_lm.tokenizer import PlanTokenizer
@@ -99,6 +100,29 @@ class OracleGuide:
                 states[-1].append([token])
             inside = token == self.state or (inside and token not in (self.step, self.end))
         return states
+
+    def write(self, row: int, operator: str) -> tuple[int, list[int]] | None:
+        """A new row that goes on from `row` by an operator, such as `(pick cup)`, and the tokens; `None` if it cannot.
+
+        Words are tried until the operator stands there, so that nothing need be known of how it is said.
+        """
+        told = len(self.decoder.plan(row))
+        tried: list[tuple[int, list[int]]] = [(row, [])]
+        while tried:
+            here, tokens = tried.pop()
+            for token in np.flatnonzero(self.mask([here])[0]).tolist():
+                row = self.fork(here)
+                said = [*tokens, token, *self.advance([row], [token])[0]]
+                plan = self.decoder.plan(row)
+                if len(plan) > told and plan[told] == operator:
+                    return row, said
+                if len(plan) == told and self.is_open([row])[0]:
+                    tried.append((row, said))
+        return None
+
+    def steps(self, row: int) -> int:
+        """How many operators a row has so far."""
+        return len(self.decoder.plan(row))
 
     def remove(self, rows: Sequence[int]) -> None:
         """Forget rows."""

@@ -20,6 +20,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("models", metavar="MODEL", nargs="*", help="folders that `strips-lm train` wrote")
     parser.add_argument("--data", metavar="DIR", help="the data set")
     parser.add_argument("--suite", action="append", metavar="NAME", help="a suite (again for more; default: all eight)")
+    own = "PDDL problems of the data set's domain as a suite (again for more); without `--suite` they are all"
+    parser.add_argument("--problems", action="append", metavar="FOLDER", help=own)
     ways = "greedy, sample, beam, best-of-k, masked or search (again for more)"
     parser.add_argument("--decode", action="append", metavar="NAME", help=ways)
     parser.add_argument("--limit", type=int, metavar="N", help="prompts a suite (0: all)")
@@ -62,6 +64,9 @@ def _overrides(args: argparse.Namespace) -> list[str]:
     found = list(args.set)
     if args.suite:
         found.append(f"evaluate.suites={args.suite!r}")
+    if args.problems:
+        found.append(f"evaluate.problems={args.problems!r}")
+        found += [] if args.suite else ["evaluate.suites=[]"]
     if args.decode:
         found.append(f"evaluate.decodes={args.decode!r}")
     if args.limit is not None:
@@ -76,7 +81,7 @@ def show(results: Results) -> None:
     from strips_lm.evaluate import table  # noqa: PLC0415
 
     console = Console(width=None if sys.stdout.isatty() else 200)
-    for part in (table.failures(results), table.likelihoods(results), table.summary(results)):
+    for part in table.tables(results):
         console.print(part)
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from strips_lm import _native
 from strips_lm.cli import explanation
-from strips_lm.cli.arguments import add_config, add_task, max_bytes, read_config
+from strips_lm.cli.arguments import UsageError, add_config, add_task, max_bytes, read_config
 from strips_lm.trace import trace
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--decode", default="greedy", metavar="NAME", help="greedy, sample, beam, best-of-k, masked or search"
     )
     parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
+    fallback = "where the model comes to no plan, masked or by search, have the oracle's own search answer, and say so"
+    parser.add_argument("--fallback", action="store_true", help=fallback)
     parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")
     parser.add_argument("--states", action="store_true", help="print each state in full after its step")
     explain = "for each step what the model would rather have said, what the oracle allows, and what went wrong"
@@ -82,10 +84,13 @@ class Question:
     def planner(self, args: argparse.Namespace) -> Planner:
         """The model at work, with the configuration that the arguments describe."""
         args.overrides += [f"generate.rerank={args.rerank}"] if args.rerank else []
+        args.overrides += ["generate.fallback=true"] if args.fallback else []
         config = read_config(args)
-        from strips_lm.generate import Planner, check_decode  # noqa: PLC0415
+        from strips_lm.generate import GUIDED, Planner, check_decode  # noqa: PLC0415
 
         check_decode(args.decode)
+        if args.fallback and args.decode not in GUIDED:
+            raise UsageError("`--fallback` goes with `--decode masked` or `--decode search`")
         return Planner.load(args.model, config.generate, config.seed)
 
     def ask(self, planner: Planner, decode: str) -> Completion:
@@ -127,6 +132,7 @@ def _print_json(
         "plan": judgement.plan.splitlines(),
         **{key: value for key, value in judgement.verdict.to_dict().items() if key != "plan"},
         "finished": made.finished,
+        "by_oracle": made.by_oracle,
         "prompt": question.prompt,
         "text": made.text,
         "states": judgement.states_total,
@@ -161,9 +167,10 @@ def _print_plan(question: Question, made: Completion, judgement: Judgement, vali
 def guidance(made: Completion) -> str:
     """How much the oracle helped; nothing where it did not."""
     if not made.choices:
-        return ""
+        return "the oracle's own search answers" if made.by_oracle else ""
     share, plural = 100 * made.removed / made.choices, "s" * (made.choices != 1)
-    return f"guided by the oracle: {made.choices} choice{plural}, the mask removed {share:.3g} % of the probability"
+    said = f"guided by the oracle: {made.choices} choice{plural}, the mask removed {share:.3g} % of the probability"
+    return f"{said}; the model came to no plan, and the oracle's own search answers" if made.by_oracle else said
 
 
 def sentence(made: Completion, judgement: Judgement, valid: bool) -> str:

@@ -240,6 +240,14 @@ class GenerateConfig:
     """`best-of-k`: who chooses among them."""
     search_calls: int = 500
     """`search`: calls of the model after which it gives up on a prompt."""
+    search_seconds: float = 0.0
+    """`search`: a prompt's share of the time after which it gives up as well; 0 is no limit, and repeatable."""
+    search_shorter: bool = False
+    """`search`: whether it looks for shorter plans after the first, until its budget is spent."""
+    fallback: bool = False
+    """`masked`, `search`: whether the oracle's own search answers where the model comes to no plan."""
+    fallback_seconds: float = 10.0
+    """Seconds that the oracle's own search may take on a prompt."""
     rows: int = 64
     """Prompts that are decoded at once, in each worker."""
     workers: int = 0
@@ -250,6 +258,8 @@ class GenerateConfig:
             min(self.max_new, self.beams, self.samples, self.rows, self.search_calls) > 0,
             "the sizes in `generate` must be positive",
         )
+        check(self.search_seconds >= 0.0, "`generate.search_seconds` is at least 0")
+        check(self.fallback_seconds > 0.0, "`generate.fallback_seconds` must be positive")
         check(0.0 < self.top_p <= 1.0, "`generate.top_p` is a share, above 0")
         check(self.temperature > 0.0, "`generate.temperature` must be positive; greedy decoding is `--decode greedy`")
         check(self.top_k >= 0 and self.workers >= 0, "`generate.top_k` and `generate.workers` are at least 0")
@@ -270,6 +280,8 @@ class EvaluateConfig:
         "longer",
     )
     """Suites of the data set, in the order of the table."""
+    problems: tuple[str, ...] = ()
+    """Folders of PDDL problems of the data set's domain, each a suite of its own after those."""
     decodes: tuple[str, ...] = ("greedy",)
     """Ways of decoding, in the order of the table."""
     limit: int = 1000
@@ -278,6 +290,11 @@ class EvaluateConfig:
     """Pairs a suite for perplexity and multiple choice; 0 is all of them."""
     examples: int = 3
     """Outputs a suite that are kept in the results."""
+    renamed_problems: int = 0
+    """Problems a suite that are asked again under other names, greedily, to see whether the plan stays the same."""
+    renamings: int = 100
+    """Sets of other names for each of them."""
 
     def __post_init__(self) -> None:
-        check(min(self.limit, self.pairs, self.examples) >= 0, "the counts in `evaluate` are at least 0")
+        counts = self.limit, self.pairs, self.examples, self.renamed_problems, self.renamings
+        check(min(counts) >= 0, "the counts in `evaluate` are at least 0")

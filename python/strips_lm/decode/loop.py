@@ -73,6 +73,8 @@ class Generation:
     """Under a mask: tokens that the model chose; all others were forced."""
     removed: float = 0.0
     """Under a mask: the probability that it took away, summed over the choices."""
+    by_oracle: bool = False
+    """Whether the oracle's own search wrote it, the model having found no end."""
 
 
 class Runs(Protocol):

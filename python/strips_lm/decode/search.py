@@ -2,15 +2,20 @@
 
 A prefix costs minus the logarithm of its probability among what the guide allows; forced tokens cost nothing. A state
 that was reached before, by a likelier prefix, is not continued again, so the search goes round no circle and backs out
-of every dead end. It gives up after a number of model calls, never after a time: the same budget gives the same answer.
+of every dead end. It gives up after a number of model calls, so that the same budget gives the same answer; a budget of
+seconds, each call's time shared among the prompts that it served, may be set beside it.
 
 Price: one model call a prefix, batched over the prompts. A row of the cache keeps what the next prefix shares with the
 last one and is fed the rest.
+
+It is anytime: asked for shorter plans, it keeps the best so far and goes on, among prefixes that can still become
+shorter ones, until its budget is spent or nothing is left, and then the plan is a shortest one.
 """
 
 from __future__ import annotations
 
 import heapq
+import time
 from dataclasses import dataclass, field
 from itertools import takewhile
 from typing import TYPE_CHECKING, Protocol
@@ -47,6 +52,19 @@ class _Prefix:
     tokens: list[int]
     state: Hashable
     cost: float
+    steps: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """When a search gives up, and whether it goes on after its first plan."""
+
+    calls: int
+    """Calls of the model."""
+    seconds: float = 0.0
+    """A prompt's share of the time; 0 is no limit."""
+    shorter: bool = False
+    """Whether to look for shorter plans until the budget is spent."""
 
 
 @dataclass(slots=True)
@@ -59,12 +77,15 @@ class _Search:
     """The prefix that the model is asked about next; at last the answer."""
     open: list[tuple[float, int, _Prefix, int]] = field(default_factory=list)
     """A heap of (cost, order, prefix, token to go on with)."""
-    seen: set[Hashable] = field(default_factory=set)
+    seen: dict[Hashable, int] = field(default_factory=dict)
+    """The fewest steps in which each state was reached."""
+    answer: _Prefix | None = None
     rows: list[int] = field(default_factory=list)
     held: list[int] = field(default_factory=list)
     """What the decoder's row has read."""
     pushed: int = 0
     calls: int = 0
+    seconds: float = 0.0
     removed: float = 0.0
 
     def push(self, log_probs: Tensor, allowed: Tensor) -> None:
@@ -84,11 +105,11 @@ class SearchLoop:
         guide: SearchGuide,
         limits: Limits,
         *,
-        calls: int,
+        budget: Budget,
         on_done: Callable[[Generation], None] | None = None,
     ) -> None:
-        """A search gives up after `calls` model calls; `on_done` is called for each that is over."""
-        self.decoder, self.guide, self.limits, self.calls, self.on_done = decoder, guide, limits, calls, on_done
+        """Each search has the budget; `on_done` is called for each that is over."""
+        self.decoder, self.guide, self.limits, self.budget, self.on_done = decoder, guide, limits, budget, on_done
         self.capacity = len(decoder.lengths)
         self.device = decoder.lengths.device
         self.done: dict[tuple[int, int], Generation] = {}
@@ -100,7 +121,11 @@ class SearchLoop:
         for start in range(0, len(order), self.capacity):
             searches = self._begin(order[start : start + self.capacity])
             while searches:
+                began = time.perf_counter()
                 self._expand(searches)
+                share = (time.perf_counter() - began) / len(searches)
+                for search in searches:
+                    search.seconds += share
                 searches = self._close([(search, self._advance(search)) for search in searches])
         return [self.done[job.prompt, job.draw] for job in jobs]
 
@@ -112,7 +137,15 @@ class SearchLoop:
         for job, row, tokens in zip(jobs, rows, forced, strict=True):
             state = self.guide.arrive(None, tokens)
             room = min(self.limits.max_new, self.decoder.context + 1 - len(job.ids))
-            found.append(_Search(job, room, _Prefix(row, tokens, state, 0.0), seen={state}, rows=[row]))
+            found.append(
+                _Search(
+                    job,
+                    room,
+                    _Prefix(row, tokens, state, 0.0, tokens.count(self.guide.step)),
+                    seen={state: 0},
+                    rows=[row],
+                )
+            )
         going = self.guide.is_open(rows)
         begun = [(s, more and len(s.now.tokens) < s.room) for s, more in zip(found, going, strict=True)]
         return self._close(begun)
@@ -130,7 +163,7 @@ class SearchLoop:
 
     def _report(self, search: _Search) -> None:
         self.guide.remove(search.rows)
-        job, tokens = search.job, search.now.tokens
+        job, tokens = search.job, (search.answer or search.now).tokens
         finished = tokens[-1:] == [self.limits.stop] and len(tokens) <= search.room
         if not finished:
             tokens = cut(tokens, search.room, self.guide.step)
@@ -160,26 +193,44 @@ class SearchLoop:
 
     def _advance(self, search: _Search) -> bool:
         """Go on to the cheapest prefix that leads anywhere new; whether the model is to be asked about it."""
-        while search.open and search.calls < self.calls:
+        while search.open and not self._is_spent(search):
             cost, _, parent, token = heapq.heappop(search.open)
-            row = self.guide.fork(parent.row)
-            search.rows.append(row)
-            new = [token, *self.guide.advance([row], [token])[0]]
-            prefix = _Prefix(row, parent.tokens + new, self.guide.arrive(parent.state, new), cost)
+            if search.answer is not None and parent.steps >= search.answer.steps:
+                continue
+            prefix = self._extend(search, parent, token, cost)
             if prefix.tokens[-1] == self.limits.stop and len(prefix.tokens) <= search.room:
-                search.now = prefix
-                return False
-            if self._is_new(search, prefix, parent):
+                if search.answer is None or prefix.steps < search.answer.steps:
+                    search.answer = prefix
+                if not self.budget.shorter:
+                    return False
+            elif self._is_new(search, prefix, parent):
                 search.now = prefix
                 return True
         return False
 
+    def _is_spent(self, search: _Search) -> bool:
+        seconds = self.budget.seconds
+        return search.calls >= self.budget.calls or (seconds > 0 and search.seconds >= seconds)
+
+    def _extend(self, search: _Search, parent: _Prefix, token: int, cost: float) -> _Prefix:
+        """The prefix with a token more, and with what is forced after it."""
+        row = self.guide.fork(parent.row)
+        search.rows.append(row)
+        new = [token, *self.guide.advance([row], [token])[0]]
+        steps = parent.steps + new.count(self.guide.step)
+        return _Prefix(row, parent.tokens + new, self.guide.arrive(parent.state, new), cost, steps)
+
     def _is_new(self, search: _Search, prefix: _Prefix, parent: _Prefix) -> bool:
-        """Whether a prefix has room, can go on, and is within a step or at a state not reached before."""
+        """Whether a prefix has room, can go on, and is within a step or at a state not reached before.
+
+        Where shorter plans are sought, a state reached in fewer steps counts as new.
+        """
         if len(prefix.tokens) >= search.room or not self.guide.is_open([prefix.row])[0]:
             return False
         if prefix.state is parent.state:
             return True
-        fresh = prefix.state not in search.seen
-        search.seen.add(prefix.state)
+        known = search.seen.get(prefix.state)
+        fresh = known is None or (self.budget.shorter and prefix.steps < known)
+        if fresh:
+            search.seen[prefix.state] = prefix.steps
         return fresh

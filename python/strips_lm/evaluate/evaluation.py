@@ -7,60 +7,31 @@ in the same order. What is found is a `Results`; printing is the command line's 
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from strips_lm import _native
 from strips_lm import tokenizer as tokenizers
 from strips_lm.config import RunConfig, versions
 from strips_lm.evaluate.likelihood import measure
-from strips_lm.evaluate.results import Example, Model, Output, Results, Score
+from strips_lm.evaluate.renaming import Names, invariance
+from strips_lm.evaluate.results import Example, Invariance, Model, Output, Results, Score
 from strips_lm.evaluate.stepwise import stepwise
-from strips_lm.evaluate.suites import DataFolder, Item  # noqa: TC001  (dataclass fields are public types)
+from strips_lm.evaluate.suite import Suite
 from strips_lm.evaluate.tally import Trial, tally
 from strips_lm.generate import GUIDED, Batch, Planner, check_decode
-from strips_lm.guide import Tasks, canonical, check_domain
+from strips_lm.guide import canonical, check_domain
 from strips_lm.model import checkpoint_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from strips_lm._native import Judgement
+    from strips_lm.evaluate.suites import DataFolder
 
-RERANKS = ("head", "likelihood", "oracle")
-"""The ways of choosing among samples, in the order of the table."""
-
-
-@dataclass(frozen=True, slots=True)
-class Suite:
-    """A suite ready to be tried: prompts, problems and words, made once for all models."""
-
-    name: str
-    items: list[Item]
-    problems: list[str]
-    words: list[dict[str, str]]
-
-    @classmethod
-    def open(cls, data: DataFolder, name: str, limit: int) -> Suite:
-        """The first `limit` distinct prompts of a suite."""
-        items = data.items(name, limit)
-        return cls(name, items, [data.problem(i) for i in items], [data.words(i) for i in items])
-
-    def judge(self, domain: _native.Domain, prompts: Sequence[int], texts: Sequence[str]) -> list[Judgement]:
-        """The oracle's judgement of each text, written for the prompt of that number."""
-        problems, words = [self.problems[i] for i in prompts], [self.words[i] for i in prompts]
-        return _native.judge(domain, problems, list(texts), words)
-
-    def tasks(self, data: DataFolder) -> Tasks:
-        """The tasks behind the prompts, grounded when they are asked for."""
-
-        def find(prompts: Sequence[int]) -> tuple[list[_native.Task], list[Sequence[str]]]:
-            items = [self.items[i] for i in prompts]
-            return [data.task(item) for item in items], [item.names for item in items]
-
-        return Tasks(data.domain, find)
+RERANKS = ("first", "head", "likelihood", "oracle")
+"""The ways of choosing among samples, in the order of the table; the first is no choice at all."""
 
 
 class Evaluation:
@@ -77,7 +48,9 @@ class Evaluation:
         for decode in config.evaluate.decodes:
             check_decode(decode)
         self.config, self.data, self.tell, self.tick = config, data, tell, tick
-        self.suites = [Suite.open(data, name, config.evaluate.limit) for name in config.evaluate.suites]
+        limit = config.evaluate.limit
+        self.suites = [Suite.open(data, name, limit) for name in config.evaluate.suites]
+        self.suites += [Suite.of_problems(data, folder, limit) for folder in config.evaluate.problems]
         self.results = Results(data=str(data.path), config=_settings(config), created=_now(), versions=versions())
 
     def run(self, folders: Sequence[str | Path]) -> Results:
@@ -102,13 +75,34 @@ class Evaluation:
             if decode == "best-of-k":
                 self._best_of_k(planner, name, suite)
             else:
-                ticker, tasks = self._ticker(name, suite, decode), suite.tasks(self.data)
+                ticker, tasks = self._ticker(name, suite, decode), suite.oracle(self.data.domain)
                 made = planner.complete([i.prompt for i in suite.items], decode, tick=ticker, tasks=tasks)
-                self._score(planner, name, suite, decode, made)
+                self._score(planner, name, suite, self._label(decode), made)
+        self._rename(planner, name, suite)
+        if not suite.of_records:
+            return
         pairs = self.data.items(suite.name, self.config.evaluate.pairs, distinct=False)
         found = measure(planner, name, suite.name, pairs)
         self.results.likelihoods.append(found)
         self.tell(f"{name} {suite.name}: perplexity {found.perplexity:.4f} over {found.tokens} tokens")
+
+    def _rename(self, planner: Planner, name: str, suite: Suite) -> None:
+        """The suite's first problems under other names."""
+        config = self.config.evaluate
+        items = suite.items[: config.renamed_problems]
+        if not items or not config.renamings:
+            return
+        constants = {constant for constant, _ in self.data.domain.constants}
+        pool = sorted({word for item in suite.items for word in item.names} - constants)
+        found = invariance(planner, items, Names(pool, constants, config.renamings, self.config.seed))
+        same = Invariance(model=name, suite=suite.name, **found)
+        self.results.invariances.append(same)
+        share = 100 * same.same / same.renamed if same.renamed else 100.0
+        self.tell(f"{name} {suite.name}: {share:.1f} % of {same.renamed} renamings leave the plan as it is")
+
+    def _label(self, decode: str) -> str:
+        """What a way of decoding is called in the results."""
+        return f"{decode} with fallback" if self.config.generate.fallback and decode in GUIDED else decode
 
     def _best_of_k(self, planner: Planner, name: str, suite: Suite) -> None:
         """The same samples chosen by the head, by likelihood and by the oracle."""
@@ -118,7 +112,9 @@ class Evaluation:
         def judge(numbers: Sequence[int], texts: Sequence[str]) -> list[bool]:
             return [j.verdict.is_valid for j in suite.judge(self.data.domain, numbers, texts)]
 
-        for rerank in RERANKS if planner.has_head else RERANKS[1:]:
+        for rerank in RERANKS:
+            if rerank == "head" and not planner.has_head:
+                continue
             made = planner.choose(prompts, drawn, rerank, judge)
             self._score(planner, name, suite, f"best-of-{self.config.generate.samples} by {rerank}", made)
 
@@ -131,7 +127,7 @@ class Evaluation:
             model=name,
             suite=suite.name,
             decode=decode,
-            oracle_helps=decode in GUIDED or decode.endswith("oracle"),
+            oracle_helps=decode.split(" ", maxsplit=1)[0] in GUIDED or decode.endswith("oracle"),
             texts=texts,
             finished=[c.finished for c in made.completions],
             optimal_steps=[item.optimal_steps for item in suite.items],
@@ -139,6 +135,7 @@ class Evaluation:
             seconds=made.seconds,
             verify_seconds=time.perf_counter() - started,
             removed_share=made.removed_share,
+            by_oracle=sum(c.by_oracle for c in made.completions),
         )
         score = tally(trial, judgements)
         self.results.scores.append(score)
@@ -194,7 +191,8 @@ def _line(score: Score) -> str:
     spread = f"[{100 * score.valid_low:.1f}, {100 * score.valid_high:.1f}]"
     speed = f"{score.prompts_per_second:.0f} prompts/s"
     mask = "" if score.removed_share is None else f", the mask removed {100 * score.removed_share:.3g} %"
-    return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}, {speed}{mask}"
+    oracle = f", {score.by_oracle} answered by the oracle's own search" if score.by_oracle else ""
+    return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}, {speed}{mask}{oracle}"
 
 
 def _settings(config: RunConfig) -> dict[str, Any]:

@@ -72,6 +72,8 @@ class Score:
     """SHA-256 over all texts in order: equal digests, equal outputs."""
     removed_share: float | None = None
     """`masked`, `search`: the model's probability that the mask took away, mean over its choices; else none."""
+    by_oracle: int = 0
+    """With `generate.fallback`: prompts that the oracle's own search answered, the model having come to no plan."""
 
     @property
     def share(self) -> float:
@@ -107,6 +109,21 @@ class Likelihood:
     """Of these, the ones where the plan scored above its corruption."""
     by_negative: dict[str, list[int]]
     """[right, pairs] by the kind of corruption."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Invariance:
+    """How often a model's greedy plan stays the same, up to names, when a suite's problems are renamed."""
+
+    model: str
+    suite: str
+    problems: int
+    renamed: int
+    """Renamings of all problems together."""
+    same: int
+    """Of these, the ones whose plan is that of the names given, with the names exchanged."""
+    always: int
+    """Problems whose plan is the same under all their renamings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,6 +185,7 @@ class Results:
     scores: list[Score] = field(default_factory=list)
     likelihoods: list[Likelihood] = field(default_factory=list)
     examples: list[Example] = field(default_factory=list)
+    invariances: list[Invariance] = field(default_factory=list)
 
     def save(self, path: str | Path) -> None:
         """Write `results.json`, whole or not at all."""
@@ -194,9 +212,9 @@ class Results:
     def _from_dict(cls, found: dict[str, Any]) -> Results:
         if found.pop("format") != FORMAT:
             raise ValueError(f"the format is not {FORMAT!r}")
-        parts = {"models": Model, "scores": Score, "likelihoods": Likelihood}
+        parts = {"models": Model, "scores": Score, "likelihoods": Likelihood, "invariances": Invariance}
         for name, kind in parts.items():
-            found[name] = [kind(**item) for item in found[name]]
+            found[name] = [kind(**item) for item in found.get(name, [])]
         found["examples"] = [_example(item) for item in found["examples"]]
         return cls(**found)
 
@@ -208,6 +226,8 @@ class Results:
         self.scores += [s for s in other.scores if (s.model, s.suite, s.decode) not in scores]
         likelihoods = {(k.model, k.suite) for k in self.likelihoods}
         self.likelihoods += [k for k in other.likelihoods if (k.model, k.suite) not in likelihoods]
+        known = {(k.model, k.suite) for k in self.invariances}
+        self.invariances += [k for k in other.invariances if (k.model, k.suite) not in known]
         self._join_examples(other)
 
     def _join_examples(self, other: Results) -> None:
@@ -240,9 +260,12 @@ def differences(old: Results, new: Results) -> list[str]:
 def _pairs(old: Results, new: Results) -> list[tuple[Any, Any]]:
     scores = {(s.model, s.suite, s.decode): s for s in new.scores}
     likelihoods = {(k.model, k.suite): k for k in new.likelihoods}
-    return [(s, scores.get((s.model, s.suite, s.decode))) for s in old.scores] + [
-        (k, likelihoods.get((k.model, k.suite))) for k in old.likelihoods
-    ]
+    invariances = {(k.model, k.suite): k for k in new.invariances}
+    return (
+        [(s, scores.get((s.model, s.suite, s.decode))) for s in old.scores]
+        + [(k, likelihoods.get((k.model, k.suite))) for k in old.likelihoods]
+        + [(k, invariances.get((k.model, k.suite))) for k in old.invariances]
+    )
 
 
 def _unequal(before: Any, after: Any) -> list[str]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
+
+    from strips_lm.evaluate.results import Score
 
 Z_95 = 1.959963984540054
 """The normal distribution's 97.5 % point."""
@@ -37,3 +40,36 @@ def mean(values: Iterable[float]) -> float | None:
 def ratio(part: float, whole: float) -> float | None:
     """`part / whole`, or None where there is no whole."""
     return part / whole if whole else None
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """How far one way of choosing among samples goes; shares of valid plans."""
+
+    model: str
+    suite: str
+    choice: str
+    """`best-of-8 by head`, …"""
+    start: float
+    """Of greedy decoding, or of the first sample where greedy was not tried."""
+    reached: float
+    most: float
+    """By the oracle's choice: any of the samples is valid."""
+
+    @property
+    def closed(self) -> float | None:
+        """The share of the distance that is closed; below 0 where the choice does harm, `None` of no distance."""
+        return ratio(self.reached - self.start, self.most - self.start) if self.most > self.start else None
+
+
+def rerank_gaps(scores: Sequence[Score]) -> list[Gap]:
+    """A gap for each way of choosing that is neither the oracle's nor none."""
+    by_key = {(s.model, s.suite, s.decode): s for s in scores}
+    found = []
+    for (model, suite, decode), score in by_key.items():
+        kind, _, choice = decode.partition(" by ")
+        most = by_key.get((model, suite, f"{kind} by oracle"))
+        start = by_key.get((model, suite, "greedy")) or by_key.get((model, suite, f"{kind} by first"))
+        if choice in ("head", "likelihood") and most and start:
+            found.append(Gap(model, suite, decode, start.share, score.share, most.share))
+    return found

@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING, TypeVar
 
 from rich.table import Table
 
+from strips_lm.evaluate.statistics import rerank_gaps
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from strips_lm.evaluate.results import Likelihood, Results, Score
 
 _T = TypeVar("_T")
+
+SPEEDS = ("prompts/s", "tokens/s")
 
 
 def percent(part: float, whole: float) -> str:
@@ -70,16 +74,54 @@ def likelihood_cells(found: list[Likelihood]) -> tuple[str, str]:
 def failures(results: Results) -> Table:
     """Why the invalid plans fail: verdicts, unfinished and malformed texts, wrong states."""
     names = ordered(verdict for s in results.scores for verdict in s.verdicts)
-    table = Table(title="What the oracle says", caption="prompts by verdict; states: share of right ones, in %")
+    caption = (
+        "prompts by verdict; states: share of right ones; traces: valid plans with every state right, of all prompts"
+    )
+    table = Table(title="What the oracle says", caption=caption)
     for name in ("model", "suite", "decode"):
         table.add_column(name, no_wrap=True)
-    for name in (*names, "unfinished", "optimal %", "states", "prompts/s", "tokens/s"):
+    for name in (*names, "unfinished", "executable %", "optimal %", "surplus", "states", "traces %", *SPEEDS):
         table.add_column(name.replace("_", " "), justify="right")
     for s in results.scores:
         counts = [str(s.verdicts.get(name, 0)) for name in names]
-        rates = [percent(s.optimal, s.valid), percent(s.states_right, s.states)]
+        surplus = "–" if s.surplus_mean is None else f"{s.surplus_mean:.2f}"
+        executable = percent(s.executable_share or 0.0, 1)
+        rates = [executable, percent(s.optimal, s.valid), surplus, percent(s.states_right, s.states)]
+        rates.append(percent(s.traces_right, s.prompts))
         speed = [f"{s.prompts_per_second:.0f}", f"{s.tokens_per_second:.0f}"]
         table.add_row(s.model, s.suite, s.decode, *counts, str(s.unfinished), *rates, *speed)
+    return table
+
+
+def tables(results: Results) -> list[Table]:
+    """Everything that was found, Table 1 last; no table is empty."""
+    rest = [failures(results), likelihoods(results), invariances(results), gaps(results), summary(results)]
+    return [table for table in rest if table.row_count]
+
+
+def invariances(results: Results) -> Table:
+    """How often the plan stays the same when the problem's objects get other names."""
+    table = Table(title="The same problems under other names", caption="same: % of renamings with the same plan")
+    for name in ("model", "suite", "problems", "renamings", "same %", "always the same %"):
+        table.add_column(name, justify="left" if name in {"model", "suite"} else "right", no_wrap=True)
+    for k in results.invariances:
+        shares = percent(k.same, k.renamed), percent(k.always, k.problems)
+        table.add_row(k.model, k.suite, str(k.problems), str(k.renamed), *shares)
+    return table
+
+
+def gaps(results: Results) -> Table:
+    """How much of the way from no choice to the oracle's choice each way of choosing among samples goes."""
+    caption = (
+        "from: greedy where it was tried, else the first sample; closed: share of the way from there to the oracle"
+    )
+    table = Table(title="Choosing among samples", caption=caption)
+    for name in ("model", "suite", "choice", "from", "valid %", "by oracle", "closed %"):
+        table.add_column(name, justify="left" if name in {"model", "suite", "choice"} else "right", no_wrap=True)
+    for gap in rerank_gaps(results.scores):
+        start, reached, most = (f"{100 * share:.1f}" for share in (gap.start, gap.reached, gap.most))
+        closed = "–" if gap.closed is None else f"{100 * gap.closed:.0f}"
+        table.add_row(gap.model, gap.suite, gap.choice, start, reached, most, closed)
     return table
 
 

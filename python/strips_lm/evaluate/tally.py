@@ -27,10 +27,12 @@ class Trial:
     texts: Sequence[str]
     finished: Sequence[bool]
     optimal_steps: Sequence[int]
+    """Of the shortest plans; below 0 where that is not known."""
     tokens: int
     seconds: float
     verify_seconds: float
     removed_share: float | None = None
+    by_oracle: int = 0
 
 
 def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
@@ -38,7 +40,8 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
     prompts = len(judgements)
     right = [j.verdict.is_valid and done for j, done in zip(judgements, trial.finished, strict=True)]
     low, high = wilson(sum(right), prompts)
-    surplus = [j.steps - best for j, best, ok in zip(judgements, trial.optimal_steps, right, strict=True) if ok]
+    known = zip(judgements, trial.optimal_steps, right, strict=True)
+    surplus = [j.steps - best for j, best, ok in known if ok and best >= 0]
     return Score(
         model=trial.model,
         suite=trial.suite,
@@ -66,6 +69,7 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
         verify_seconds=trial.verify_seconds,
         digest=digest(trial.texts),
         removed_share=trial.removed_share,
+        by_oracle=trial.by_oracle,
     )
 
 
@@ -95,7 +99,7 @@ def _by_length(lengths: Sequence[int], right: Sequence[bool]) -> dict[str, list[
         counts = found.setdefault(length, [0, 0])
         counts[0] += ok
         counts[1] += 1
-    return {str(length): found[length] for length in sorted(found)}
+    return {str(length) if length >= 0 else "?": found[length] for length in sorted(found)}
 
 
 def digest(texts: Sequence[str]) -> str:
