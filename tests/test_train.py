@@ -1,18 +1,22 @@
 """The loop: it learns, resumes bit for bit, obeys signals, stops on a loss that is no number."""
 
 import json
+import math
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 import torch
+from accelerate.utils import LoggerType
 from safetensors.torch import load_file
 
 import blocks_data
 from strips_lm import train as loop
 from strips_lm.checkpoint import CheckpointError
 from strips_lm.config import RunConfig
-from strips_lm.model import ModelError, export_lm, load_model
+from strips_lm.model import ModelError, load_model
 from strips_lm.train import NotFiniteError, rate, train
 
 torch.set_num_threads(1)  # the models are so small that threads wait more than they work
@@ -92,21 +96,44 @@ def test_accumulation_changes_nothing(data, tmp_path):
     assert many["mc_loss"] == pytest.approx(one["mc_loss"], rel=1e-4)
 
 
-def test_a_loss_that_is_no_number_names_its_records_and_keeps_the_weights(data, tmp_path, monkeypatch):
+def poison_at(step, value, monkeypatch):
+    """Puts a number into the weights before that step."""
     take = loop._take_step
 
-    def poison(run, step, fraction):
-        if run.progress.step == 3:
-            next(run.model.parameters()).data.fill_(float("nan"))
-        return take(run, step, fraction)
+    def poison(run, built, fraction):
+        if run.progress.step == step - 1:
+            next(run.model.parameters()).data.fill_(value)
+        return take(run, built, fraction)
 
     monkeypatch.setattr(loop, "_take_step", poison)
-    with pytest.raises(NotFiniteError, match=r"step 4 is not finite; its records: \d+"):
+
+
+def test_a_loss_that_is_no_number_names_its_records_and_keeps_the_last_good_checkpoint(data, tmp_path, monkeypatch):
+    poison_at(4, float("nan"), monkeypatch)
+    with pytest.raises(NotFiniteError, match=r"step 4 or its gradient is not finite; its records: \d+"):
+        train(config("double-head", 12, "train.save_minutes=1e-9"), data, tmp_path, shown=False)
+    assert all(bool(weight.isfinite().all()) for weight in weights(tmp_path).values())
+    assert json.loads((tmp_path / "last" / "trainer.json").read_text())["step"] == 3
+    monkeypatch.undo()
+    assert train(config(), data, tmp_path, resumed=True, shown=False) == 0
+
+
+def test_a_gradient_that_is_no_number_stops_the_run_before_it_reaches_the_weights(data, tmp_path, monkeypatch):
+    clip = loop.Accelerator.clip_grad_norm_
+
+    def overflow(self, parameters, most):
+        parameters = list(parameters)
+        parameters[0].grad.fill_(float("inf"))
+        return clip(self, parameters, most)
+
+    monkeypatch.setattr(loop.Accelerator, "clip_grad_norm_", overflow)
+    with pytest.raises(NotFiniteError, match="its gradient is not finite"):
         train(config(), data, tmp_path, shown=False)
+    assert all(bool(weight.isfinite().all()) for weight in weights(tmp_path).values())
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_checkpoints_load_with_plain_transformers(kind, data, tmp_path, recwarn):
+def test_checkpoints_load_with_plain_transformers(kind, data, tmp_path, recwarn, cli):
     from transformers import AutoModelForCausalLM, GPT2DoubleHeadsModel
 
     train(config(kind), data, tmp_path, shown=False)
@@ -116,7 +143,9 @@ def test_checkpoints_load_with_plain_transformers(kind, data, tmp_path, recwarn)
         torch.testing.assert_close(
             GPT2DoubleHeadsModel.from_pretrained(tmp_path / "best")(ids).logits, ours(ids).logits
         )
-    export_lm(tmp_path, tmp_path / "lm")
+    assert cli("export", tmp_path, "--out", tmp_path / "lm").code == 0
+    assert cli("export", tmp_path, "--out", tmp_path / "lm").code == 2
+    assert not (tmp_path / "lm" / "optimizer.safetensors").exists()
     theirs = AutoModelForCausalLM.from_pretrained(tmp_path / "lm").eval()
     torch.testing.assert_close(theirs(ids).logits, ours(ids).logits)
     assert not [warning for warning in recwarn if "Some weights" in str(warning.message)]
@@ -133,10 +162,59 @@ def test_a_failed_write_leaves_the_earlier_checkpoint(data, tmp_path, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("strips_lm.checkpoint.save_file", full)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(CheckpointError, match=r"No space left on device; the earlier one is as it was"):
         train(config(steps=14), data, tmp_path, resumed=True, shown=False)
     assert (tmp_path / "last" / "model.safetensors").read_bytes() == before
     assert not list(tmp_path.glob(".*partial"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows limits no file's size")
+def test_files_that_cannot_grow_leave_the_earlier_checkpoint(data, tmp_path):
+    """The real thing, in a process of its own whose files may not pass 40 kB."""
+    train(config(), data, tmp_path / "run", shown=False)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "run" / "last").iterdir()}
+    text = (
+        "import resource, sys; from strips_lm.cli import main; import torch\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))\n"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    more = ["--resume", "--set", "train.steps=14"]
+    command = [sys.executable, "-c", text, "train", str(data), "--out", str(tmp_path / "run"), *more]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, env={**os.environ, "ACCELERATE_USE_CPU": "1"}
+    )
+    assert done.returncode == 2, done.stderr
+    assert "checkpoint not written" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert {path.name: path.read_bytes() for path in (tmp_path / "run" / "last").iterdir()} == before
+
+
+def test_the_log_has_perplexity_its_floor_and_the_gap(data, tmp_path):
+    train(config(), data, tmp_path, shown=False)
+    line = metrics(tmp_path, "validation")[-1]
+    assert line["perplexity"] == pytest.approx(math.exp(line["lm_loss"]))
+    assert line["perplexity_floor"] == pytest.approx(math.exp(line["floor"]))
+    assert line["gap"] == pytest.approx(line["lm_loss"] - line["floor"])
+
+
+@pytest.mark.filterwarnings("ignore:.log_with:UserWarning")  # accelerate finds no tensorboard; ours stands in for it
+def test_trackers_get_every_line(data, tmp_path, monkeypatch):
+    logged = []
+    monkeypatch.setattr(loop, "get_available_trackers", lambda: [LoggerType.TENSORBOARD])
+    monkeypatch.setattr(loop.Accelerator, "init_trackers", lambda _self, name: logged.append(name))
+    monkeypatch.setattr(loop.Accelerator, "log", lambda _self, values, step: logged.append((values, step)))
+    train(config("double-head", 20, "train.trackers=['tensorboard']"), data, tmp_path, shown=False)
+    name, *lines = logged
+    assert name == "strips-lm"
+    assert len(lines) == len(metrics(tmp_path)) + len(metrics(tmp_path, "validation"))
+    assert [step for values, step in lines if "train/lm_loss" in values] == [10, 20]
+    assert [step for values, step in lines if "validation/gap" in values][-1] == 20
+
+
+def test_a_tracker_that_is_not_installed_is_named(data, tmp_path, monkeypatch):
+    monkeypatch.setattr(loop, "get_available_trackers", list)
+    with pytest.raises(ModelError, match="no tracker `trackio` here"):
+        train(config("lm-head", 2, "train.trackers=['trackio']"), data, tmp_path, shown=False)
 
 
 def test_nothing_to_resume_says_so(data, tmp_path):

@@ -12,6 +12,7 @@ import shutil
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from strips_lm._native import DataError
@@ -30,7 +31,7 @@ OPTIMIZER, TRAINER = "optimizer.safetensors", "trainer.json"
 
 
 class CheckpointError(DataError):
-    """A checkpoint that cannot be resumed."""
+    """A checkpoint that cannot be written or resumed."""
 
 
 @dataclass(slots=True)
@@ -73,9 +74,9 @@ class Keeper:
         try:
             partial.mkdir(parents=True)
             self._fill(partial, model, progress, optimizer)
-        except OSError:
+        except (OSError, SafetensorError) as error:
             shutil.rmtree(partial, ignore_errors=True)
-            raise
+            raise CheckpointError(_not_written(self.out / name, error)) from error
         _swap(partial, self.out / name)
 
     def _fill(self, folder: Path, model: PreTrainedModel, progress: Progress, optimizer: Optimizer | None) -> None:
@@ -86,6 +87,11 @@ class Keeper:
         if optimizer is not None:
             save_file(_flatten(optimizer), folder / OPTIMIZER)
             (folder / TRAINER).write_text(json.dumps(asdict(progress)) + "\n", encoding="utf-8")
+
+
+def _not_written(folder: Path, error: Exception) -> str:
+    kept = "the earlier one is as it was" if folder.exists() else "there is no earlier one"
+    return f"{folder}: checkpoint not written: {error}; {kept}\nhint: make room, then go on with `--resume`"
 
 
 def _swap(new: Path, final: Path) -> None:

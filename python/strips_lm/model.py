@@ -79,6 +79,9 @@ def checkpoint_folder(folder: str | Path) -> Path:
     raise ModelError(f"{folder}: no checkpoint\nhint: give a folder that `strips-lm train` wrote")
 
 
+_NOT_COPIED = {"config.json", "model.safetensors", "generation_config.json", "optimizer.safetensors", "trainer.json"}
+
+
 def export_lm(folder: str | Path, out: str | Path) -> None:
     """Writes the language model of a checkpoint alone, which `AutoModelForCausalLM` loads without a warning."""
     folder = checkpoint_folder(folder)
@@ -87,7 +90,7 @@ def export_lm(folder: str | Path, out: str | Path) -> None:
         model = _without_choice_head(model)
     model.save_pretrained(out)
     for path in folder.iterdir():
-        if path.name not in ("config.json", "model.safetensors", "generation_config.json") and path.is_file():
+        if path.name not in _NOT_COPIED and path.is_file():
             shutil.copy(path, Path(out) / path.name)
 
 

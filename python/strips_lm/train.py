@@ -14,20 +14,23 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 from accelerate import Accelerator
-from accelerate.utils import broadcast_object_list
+from accelerate.tracking import get_available_trackers
+from accelerate.utils import DistributedType, broadcast_object_list
 
 from strips_lm import tokenizer as tokenizers
 from strips_lm.batches import Dress, Plan, build_step, walk
 from strips_lm.checkpoint import Keeper, Progress, last_checkpoint, resume
 from strips_lm.dataset import entropy_floor, open_split, texts
 from strips_lm.loss import weighted
-from strips_lm.model import make_model
+from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
 from strips_lm.objective import Objective, compute_type, measure, validation_step
 from strips_lm.threads import choose_threads
 from strips_lm.watch import Clock, Signals, Watch
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torch.optim import Optimizer
     from transformers import PreTrainedModel
 
@@ -73,11 +76,11 @@ def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool
 
     Raises:
         DataSetError, TokenizerError, ModelError, CheckpointError: what was given cannot be trained or resumed.
-        NotFiniteError: the loss is no longer a number; `last` is of before that step.
+        NotFiniteError: the loss is no longer a number; `last` is of before that step, and its weights are numbers.
     """
     run = _prepare(config, Path(data), Path(out), resumed)
     shown = shown and run.accelerator.is_main_process
-    with Signals() as signals, Watch(Path(out) / _metrics(run), shown, resumed) as watch:
+    with Signals() as signals, _watch(run, Path(out), shown, resumed) as watch:
         number = _loop(run, watch, signals)
         _finish(run, watch)
     run.accelerator.end_training()
@@ -132,11 +135,11 @@ def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, flo
         run.accelerator.backward(loss * run.accelerator.num_processes)
         sums += torch.stack([part.detach().double() for part in (losses.lm, losses.mc, losses.right)])
     sums = run.accelerator.reduce(sums, "sum").cpu()
-    if not bool(torch.isfinite(sums).all()):
-        _save_last(run)
+    norm = run.accelerator.clip_grad_norm_(run.objective.parameters(), train.clip) if train.clip else sums.new_zeros(())
+    if not (bool(sums.isfinite().all()) and bool(norm.isfinite())):
+        if _sound(run.model):
+            _save_last(run)
         raise NotFiniteError(_not_finite(run, step))
-    if train.clip:
-        run.accelerator.clip_grad_norm_(run.objective.parameters(), train.clip)
     _set_rates(run.optimizer, rate(fraction, train))
     run.optimizer.step()
     run.optimizer.zero_grad()
@@ -221,14 +224,27 @@ def _measure(run: Run, watch: Watch, fraction: float) -> None:
     about = {"step": progress.step, "seconds": round(run.clock.seconds(), 3), "tokens": progress.tokens}
     train = run.config.train
     loss = train.lm_weight * found.lm_loss + train.mc_weight * (found.mc_loss or 0.0)
-    watch.log("validation", fraction, {**about, "loss": loss, **asdict(found), "floor": run.floor})
-    if progress.best is None or loss < progress.best:
+    watch.log(
+        "validation", fraction, {**about, "loss": loss, **asdict(found), **_beside_floor(found.lm_loss, run.floor)}
+    )
+    if math.isfinite(loss) and (progress.best is None or loss < progress.best):
         progress.best = loss
         if run.accelerator.is_main_process:
             run.keeper.save_best(run.model, progress)
 
 
+def _beside_floor(lm_loss: float, floor: float | None) -> dict[str, float | None]:
+    """Perplexity a token, the lowest that any model could reach on these records, and the gap in nats a token."""
+    found: dict[str, float | None] = {"floor": floor, "perplexity": math.exp(min(lm_loss, 700.0))}
+    if floor is None:
+        return found
+    return {**found, "perplexity_floor": math.exp(floor), "gap": lm_loss - floor}
+
+
 def _save_last(run: Run) -> None:
+    """Writes `last`, unless the weights are no longer numbers: then the earlier one stays."""
+    if not _sound(run.model):
+        raise NotFiniteError(f"the weights after step {run.progress.step} are not finite\n{_LOWER}")
     run.progress.seconds = run.clock.seconds()
     if run.accelerator.is_main_process:
         run.keeper.save_last(run.model, run.progress, run.optimizer)
@@ -243,23 +259,34 @@ def _finish(run: Run, watch: Watch) -> None:
         _measure(run, watch, 1.0)
 
 
+def _sound(model: PreTrainedModel) -> bool:
+    """Whether all weights are finite numbers."""
+    return all(bool(weight.isfinite().all()) for weight in model.parameters())
+
+
+_LOWER = "hint: lower `train.lr` and `train.matrix_lr`, then go on from the last checkpoint with `--resume`"
+
+
 def _not_finite(run: Run, step: Step) -> str:
     named = ", ".join(map(str, step.records[:20].tolist()))
     more = "" if len(step.records) <= 20 else f" and {len(step.records) - 20} more"
     return (
-        f"the loss of step {run.progress.step + 1} is not finite; its records: {named}{more}\n"
-        "hint: lower `train.lr` and `train.matrix_lr`, then go on from the last checkpoint with `--resume`"
+        f"the loss of step {run.progress.step + 1} or its gradient is not finite; its records: {named}{more}\n{_LOWER}"
     )
 
 
-def _metrics(run: Run) -> str:
-    index = run.accelerator.process_index
-    return "metrics.jsonl" if index == 0 else f".metrics.{index}.jsonl"
+def _watch(run: Run, out: Path, shown: bool, resumed: bool) -> Watch:
+    """The log of this process: the first one's is `metrics.jsonl` and goes to the trackers too."""
+    accelerator, trackers = run.accelerator, run.config.train.trackers
+    if trackers:
+        accelerator.init_trackers("strips-lm")
+    name = "metrics.jsonl" if accelerator.is_main_process else f".metrics.{accelerator.process_index}.jsonl"
+    return Watch(out / name, shown, resumed, accelerator if trackers else None)
 
 
 def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
     """Opens the data, makes or resumes the model, and writes `run.toml`."""
-    accelerator = Accelerator(log_with=list(config.train.trackers) or None, project_dir=str(out))
+    accelerator = _accelerator(config.train.trackers, out)
     out.mkdir(parents=True, exist_ok=True)
     tokenizer = _tokenizer(config, data, out, resumed)
     with accelerator.main_process_first():
@@ -288,6 +315,18 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
         progress,
         Clock(progress.seconds),
     )
+
+
+def _accelerator(trackers: Sequence[str], out: Path) -> Accelerator:
+    """Devices and trackers as the launcher and the configuration have them."""
+    missing = [name for name in trackers if name not in {str(kind.value) for kind in get_available_trackers()}]
+    if missing:
+        raise ModelError(f"no tracker `{missing[0]}` here\nhint: pip install 'strips-lm[trackers]'")
+    accelerator = Accelerator(log_with=list(trackers) or None, project_dir=str(out))
+    if accelerator.distributed_type not in {DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU}:
+        kind = accelerator.distributed_type.value
+        raise ModelError(f"{kind} is not supported: Muon needs whole matrices\nhint: launch data-parallel training")
+    return accelerator
 
 
 def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanTokenizer:

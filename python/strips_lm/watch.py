@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import FrameType, TracebackType
 
+    from accelerate import Accelerator
+
 
 class Signals(AbstractContextManager["Signals"]):
     """Remembers SIGINT and SIGTERM instead of dying of them, so that a step can end and a checkpoint be written."""
@@ -53,9 +55,10 @@ class Clock:
 
 
 class Watch(AbstractContextManager["Watch"]):
-    """`metrics.jsonl` and a progress bar on standard error; silent where `shown` is false."""
+    """`metrics.jsonl`, accelerate's trackers and a progress bar on standard error; no bar where `shown` is false."""
 
-    def __init__(self, path: Path, shown: bool, resumed: bool) -> None:
+    def __init__(self, path: Path, shown: bool, resumed: bool, trackers: Accelerator | None = None) -> None:
+        self._trackers = trackers
         self._file = path.open("a" if resumed else "w", encoding="utf-8")
         self._shown = shown
         self._bar = Progress(
@@ -79,16 +82,19 @@ class Watch(AbstractContextManager["Watch"]):
         self._file.close()
 
     def log(self, kind: str, fraction: float, values: dict[str, Any]) -> None:
-        """Writes one line to `metrics.jsonl` and moves the bar."""
+        """Writes one line to `metrics.jsonl`, hands it to the trackers and moves the bar."""
         self._file.write(json.dumps({"kind": kind, "progress": round(fraction, 5), **values}) + "\n")
         self._file.flush()
+        if self._trackers is not None:
+            numbers = {f"{kind}/{name}": value for name, value in values.items() if value is not None}
+            self._trackers.log(numbers, step=values.get("step"))
         self._bar.update(self._task, completed=min(fraction, 1.0), note=_note(values))
         if kind == "validation" and self._shown and self._bar.disable:
             sys.stderr.write(f"{100 * fraction:5.1f}%  {_note(values)}\n")
 
 
 def _note(values: dict[str, Any]) -> str:
-    shown = ("step", "loss", "lm_loss", "floor", "mc_accuracy", "tokens_per_second", "left")
+    shown = ("step", "loss", "perplexity", "perplexity_floor", "gap", "mc_accuracy", "tokens_per_second", "left")
     return "  ".join(f"{name} {_short(values[name])}" for name in shown if values.get(name) is not None)
 
 
