@@ -13,7 +13,7 @@ from fixture_results import made_up_results
 from strips_lm.config import ConfigError, RunConfig
 from strips_lm.evaluate.results import Results, differences
 from strips_lm.evaluate.statistics import wilson
-from strips_lm.evaluate.tally import Trial, tally
+from strips_lm.evaluate.tally import Trial, own_choices, tally
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -90,6 +90,12 @@ def test_what_is_counted() -> None:
 
 def test_a_valid_plan_without_an_end_is_not_valid() -> None:
     assert tally(trial([False], [3]), [judgement("valid")]).valid == 0
+
+
+def test_own_samples_are_compared_within_their_prompt() -> None:
+    prompts, right = [0, 0, 0, 1, 1, 2], [True, False, False, True, True, False]
+    assert own_choices(prompts, right, [0.5, 0.1, 0.9, 0.0, 0.0, 7.0]) == [1, 2]
+    assert own_choices(prompts, right, [0.5, 0.5, 0.4, 0.0, 0.0, 7.0]) == [1, 2], "equal is not higher"
 
 
 def test_results_come_back_as_they_were_saved(tmp_path: Path) -> None:

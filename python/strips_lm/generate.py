@@ -184,7 +184,7 @@ class Planner:
         if rerank == "likelihood":
             first: Sequence[float] = likelihood
         elif rerank == "head":
-            first = self._head_scores(drawn)
+            first = self.head_scores(drawn)
         elif judge is not None:
             first = list(map(float, judge([g.prompt for g in drawn.made], [c.text for c in drawn.texts])))
         else:
@@ -192,8 +192,12 @@ class Planner:
         return [(float(g.finished), a, b) for g, a, b in zip(drawn.made, first, likelihood, strict=True)]
 
     @torch.inference_mode()
-    def _head_scores(self, drawn: Drawn, rows: int = 64) -> list[float]:
-        """The multiple-choice head's logit of every sample, read at its last token."""
+    def head_scores(self, drawn: Drawn, rows: int = 64) -> list[float]:
+        """The multiple-choice head's logit of every sample, read at its last token.
+
+        Raises:
+            ConfigError: the model has no such head.
+        """
         if not self.has_head:
             raise ConfigError(
                 "this model has no multiple-choice head\nhint: choose by likelihood, or train double-head"

@@ -7,7 +7,7 @@ in the same order. What is found is a `Results`; printing is the command line's 
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +16,10 @@ from strips_lm import tokenizer as tokenizers
 from strips_lm.config import RunConfig, versions
 from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.renaming import Names, invariance
-from strips_lm.evaluate.results import Example, Invariance, Model, Output, Results, Score
+from strips_lm.evaluate.results import OWN_SAMPLE, Example, Invariance, Model, Output, Results, Score
 from strips_lm.evaluate.stepwise import stepwise
 from strips_lm.evaluate.suite import Suite
-from strips_lm.evaluate.tally import Trial, tally
+from strips_lm.evaluate.tally import Trial, own_choices, tally
 from strips_lm.generate import GUIDED, Batch, Planner, check_decode
 from strips_lm.guide import canonical, check_domain
 from strips_lm.model import checkpoint_folder
@@ -71,9 +71,10 @@ class Evaluation:
 
     def _try(self, planner: Planner, name: str, suite: Suite) -> None:
         """One model on one suite: every way of decoding, then likelihoods."""
+        own: list[int] | None = None
         for decode in self.config.evaluate.decodes:
             if decode == "best-of-k":
-                self._best_of_k(planner, name, suite)
+                own = self._best_of_k(planner, name, suite)
             else:
                 ticker, tasks = self._ticker(name, suite, decode), suite.oracle(self.data.domain)
                 made = planner.complete([i.prompt for i in suite.items], decode, tick=ticker, tasks=tasks)
@@ -83,6 +84,8 @@ class Evaluation:
             return
         pairs = self.data.items(suite.name, self.config.evaluate.pairs, distinct=False)
         found = measure(planner, name, suite.name, pairs)
+        if own is not None:
+            found = replace(found, by_negative={**found.by_negative, OWN_SAMPLE: own})
         self.results.likelihoods.append(found)
         self.tell(f"{name} {suite.name}: perplexity {found.perplexity:.4f} over {found.tokens} tokens")
 
@@ -104,8 +107,11 @@ class Evaluation:
         """What a way of decoding is called in the results."""
         return f"{decode} with fallback" if self.config.generate.fallback and decode in GUIDED else decode
 
-    def _best_of_k(self, planner: Planner, name: str, suite: Suite) -> None:
-        """The same samples chosen by the head, by likelihood and by the oracle."""
+    def _best_of_k(self, planner: Planner, name: str, suite: Suite) -> list[int] | None:
+        """The same samples chosen by the head, by likelihood and by the oracle.
+
+        Of a model with a second head, [right, pairs] of a prompt's valid samples against its others.
+        """
         prompts = [item.prompt for item in suite.items]
         drawn = planner.draw(prompts, self._ticker(name, suite, "best-of-k"))
 
@@ -117,6 +123,12 @@ class Evaluation:
                 continue
             made = planner.choose(prompts, drawn, rerank, judge)
             self._score(planner, name, suite, f"best-of-{self.config.generate.samples} by {rerank}", made)
+        if not planner.has_head:
+            return None
+        numbers = [g.prompt for g in drawn.made]
+        valid = judge(numbers, [c.text for c in drawn.texts])
+        right = [ok and g.finished for ok, g in zip(valid, drawn.made, strict=True)]
+        return own_choices(numbers, right, planner.head_scores(drawn))
 
     def _score(self, planner: Planner, name: str, suite: Suite, decode: str, made: Batch) -> None:
         """Have the oracle judge the completions, and keep the score and some examples."""

@@ -12,6 +12,9 @@ from strips_lm.config import ConfigError
 FORMAT = "strips-lm results 1"
 """The first field of every file, and its version."""
 
+OWN_SAMPLE = "own-sample"
+"""The kind of a wrong text that the model itself drew."""
+
 TIMING = ("seconds", "prompts_per_second", "tokens_per_second", "verify_seconds")
 """Fields that differ from run to run."""
 
@@ -108,7 +111,7 @@ class Likelihood:
     choices_right: int
     """Of these, the ones where the plan scored above its corruption."""
     by_negative: dict[str, list[int]]
-    """[right, pairs] by the kind of corruption."""
+    """[right, pairs] by the kind of corruption; `own-sample` pairs, not counted in `choices`, are the model's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -102,6 +102,15 @@ def _by_length(lengths: Sequence[int], right: Sequence[bool]) -> dict[str, list[
     return {str(length) if length >= 0 else "?": found[length] for length in sorted(found)}
 
 
+def own_choices(prompts: Sequence[int], right: Sequence[bool], scores: Sequence[float]) -> list[int]:
+    """Over all pairs of a right and a wrong sample for the same prompt: [right one scored higher, pairs]."""
+    groups: dict[int, tuple[list[float], list[float]]] = {}
+    for prompt, ok, score in zip(prompts, right, scores, strict=True):
+        groups.setdefault(prompt, ([], []))[not ok].append(score)
+    pairs = [(good, bad) for goods, bads in groups.values() for good in goods for bad in bads]
+    return [sum(good > bad for good, bad in pairs), len(pairs)]
+
+
 def digest(texts: Sequence[str]) -> str:
     """SHA-256 over texts in order."""
     found = hashlib.sha256()
