@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 import torch
 
@@ -111,7 +111,7 @@ class Planner:
         self.workers = config.workers or (1 if model.device.type != "cpu" else max(1, len(os.sched_getaffinity(0))))
 
     @classmethod
-    def load(cls, folder: str | Path, config: GenerateConfig, seed: int = 0, device: str | None = None) -> Planner:
+    def load(cls, folder: str | Path, config: GenerateConfig, seed: int = 0, device: str | None = None) -> Self:
         """The planner of a checkpoint's or a run's folder, on a GPU where there is one unless `device` says otherwise.
 
         Raises:

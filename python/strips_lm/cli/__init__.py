@@ -31,6 +31,7 @@ COMMANDS = {
     "generate": "have a model write a plan for a problem, and the oracle check it",
     "evaluate": "score models on suites of problems",
     "report": "turn results into one HTML page",
+    "demo": "a local web page on which a model plans step by step",
     "quickstart": "data set, models, scores and page with one command",
 }
 """Every command's name and what it does, in the order of `--help`. The module is the name with `_` for `-`."""
