@@ -150,6 +150,12 @@ def test_only_small_json_from_this_machine_is_taken(address: str) -> None:
     assert "no domain" in ask(f"{address}/example?domain=../..&number=1")[1]
 
 
+def test_an_address_that_is_taken_is_said_so(service: Service, address: str) -> None:
+    for port in (int(address.rpartition(":")[2]), 70_000):
+        with pytest.raises(ConfigError, match="cannot listen"):
+            make_server(service, "127.0.0.1", port)
+
+
 def test_the_page_loads_nothing_from_elsewhere(address: str) -> None:
     for name in ("/", "/demo.js", "/demo.css"):
         status, text = ask(address + name)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from urllib.parse import parse_qs, urlsplit
 
 from strips_lm import _native
+from strips_lm.config import ConfigError
 
 if TYPE_CHECKING:
     from strips_lm.demo.service import Service
@@ -40,11 +41,15 @@ def make_server(service: Service, host: str, port: int) -> ThreadingHTTPServer:
     """The server, bound but not yet serving; port 0 takes a free one.
 
     Raises:
-        OSError: the address is taken or not ours.
+        ConfigError: the address is taken or not ours.
     """
     names = {host, "127.0.0.1", "localhost"} if host in {"127.0.0.1", "localhost"} else set[str]()
     handler = type("DemoHandler", (Handler,), {"service": service, "names": names})
-    server = ThreadingHTTPServer((host, port), handler)
+    try:
+        server = ThreadingHTTPServer((host, port), handler)
+    except (OSError, OverflowError) as error:
+        reason = str(getattr(error, "strerror", None) or error).lower()
+        raise ConfigError(f"cannot listen at {host}:{port}: {reason}\nhint: --port 0 takes a free port") from None
     server.daemon_threads = True
     return server
 
