@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import tempfile
 import time
 from dataclasses import dataclass
@@ -66,7 +67,8 @@ def ours(config: RunConfig, data: PlanDataset, vocabulary, seconds: float, share
     model = make_model(config.model, vocabulary, 0).to(device)
     objective = Objective(model, compute_type(train.precision, model, device)).train()
     optimizer = make_optimizer(model, train)
-    plan, dress = Plan(train.step_tokens, 0, train.batch_tokens), Dress(share, offset=train.position_offset)
+    spread = 0.1 if device.type == "cpu" else math.inf  # as the loop has it
+    plan, dress = Plan(train.step_tokens, 0, train.batch_tokens, spread), Dress(share, offset=train.position_offset)
     seen, start, work = 0, time.monotonic(), time.process_time()
     for number, records in walk(data, plan, 0):
         step = build_step(data, records, plan, dress, (0, number))

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 import torch
-from accelerate.utils import LoggerType
+from accelerate.utils import DistributedType, LoggerType
 from safetensors.torch import load_file
 
 import blocks_data
@@ -209,6 +209,12 @@ def test_trackers_get_every_line(data, tmp_path, monkeypatch):
     assert len(lines) == len(metrics(tmp_path)) + len(metrics(tmp_path, "validation"))
     assert [step for values, step in lines if "train/lm_loss" in values] == [10, 20]
     assert [step for values, step in lines if "validation/gap" in values][-1] == 20
+
+
+def test_sharded_training_is_refused(data, tmp_path, monkeypatch):
+    monkeypatch.setattr(loop.Accelerator, "distributed_type", DistributedType.FSDP)
+    with pytest.raises(ModelError, match="FSDP is not supported"):
+        train(config("lm-head", 2), data, tmp_path, shown=False)
 
 
 def test_a_tracker_that_is_not_installed_is_named(data, tmp_path, monkeypatch):
