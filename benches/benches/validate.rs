@@ -48,11 +48,11 @@ fn bench(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("validate");
     group.throughput(Throughput::Elements(PLANS as u64)).sample_size(20);
     group.bench_function("operators", |b| {
-        b.iter(|| validator.outcomes_of_operators(black_box(&drawn.operators), &offsets));
+        b.iter(|| validator.outcomes_of_operators(black_box(&drawn.operators), &offsets, &Limits::default()));
     });
     for (name, texts) in [("right", &right), ("two lines swapped", &wrong)] {
         group.bench_with_input(BenchmarkId::new("texts", name), texts, |b, texts| {
-            b.iter(|| validator.validate_many(black_box(texts)));
+            b.iter(|| validator.validate_many(black_box(texts), &Limits::default()));
         });
     }
     group.throughput(Throughput::Elements(1));

@@ -164,6 +164,66 @@ class Task:
             LimitError: more states than allowed, more memory or more seconds.
         """
 
+    def shortest_plan(
+        self,
+        max_steps: int | None = None,
+        *,
+        max_states: int | None = None,
+        max_bytes: int | None = None,
+        time_limit: float | None = None,
+    ) -> _Plan | None:
+        """The first of the shortest plans of at most `max_steps` steps, or `None` where there is none.
+
+        What the plan set of any semantics begins with, by a search that ends where it meets the goal.
+
+        Raises:
+            LimitError: more states than allowed, more memory or more seconds.
+        """
+    def initial_state(self) -> NDArray[np.uint64]:
+        """The initial state, as one row (1, words).
+
+        A state is a row of words in which bit `i` is fact `i`. The calls below take many at once, any states of the
+        task's facts, reachable or not, and work in parallel.
+        """
+    def pack(self, states: Sequence[Sequence[str]]) -> NDArray[np.uint64]:
+        """Packs states given by their true atoms, such as `(on cup table)`: (states, words).
+
+        Atoms that can never become false may be left out, derived ones are computed.
+
+        Raises:
+            ValueError: no reachable state has an atom.
+        """
+    def atoms(self, states: NDArray[np.uint64]) -> list[list[str]]:
+        """The atoms of each state, those that never change and derived ones included."""
+    def is_goal(self, states: NDArray[np.uint64]) -> NDArray[np.bool_]:
+        """Whether each state satisfies the goal."""
+    def applicable(self, states: NDArray[np.uint64]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+        """The operators that may be applied in each state.
+
+        Returns operator ids and offsets: those of state `i` are `operators[offsets[i]:offsets[i + 1]]`, ascending.
+        """
+    def successor(self, states: NDArray[np.uint64], operators: NDArray[np.uint32]) -> NDArray[np.uint64]:
+        """The state after `operators[i]` in `states[i]`, for each row.
+
+        Raises:
+            ValueError: an operator is not applicable; the first such row is named.
+        """
+    def distance_to_goal(
+        self,
+        states: NDArray[np.uint64],
+        max_steps: int | None = None,
+        *,
+        max_states: int | None = None,
+        max_bytes: int | None = None,
+        time_limit: float | None = None,
+    ) -> NDArray[np.int64]:
+        """The fewest steps from each state to the goal; -1 where there is no way of at most `max_steps`.
+
+        One search from all the states together: it costs as much as the states within `max_steps` of any of them.
+
+        Raises:
+            LimitError: more states than allowed, more memory or more seconds.
+        """
     def validate(self, text: str) -> Verdict:
         """The verdict on a plan in IPC form."""
     def validate_many(self, texts: Sequence[str]) -> list[Verdict]:

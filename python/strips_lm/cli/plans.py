@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
-    from strips_lm._native import PlanSet
+    from strips_lm._native import PlanSet, Task
 
 CHUNK = 1 << 16
 """Plans printed at a time."""
@@ -49,12 +49,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Prints what was asked for; 1 where there is no plan to print."""
     task = read_task(args)
+    if args.shortest:
+        return _print_shortest(task, args)
     plans = task.plan_set(args.max_steps, args.semantics, max_bytes=max_bytes(args), time_limit=args.time_limit)
     with _opened(args.output) as out:
         if args.count:
             out.write(_counts(plans, args))
             return 0
-        return _print_plans(plans, args, out)
+        return _print_blocks(_blocks(plans, args), args, out)
+
+
+def _print_shortest(task: Task, args: argparse.Namespace) -> int:
+    """Searches no further than the goal; the first of the shortest plans is the same for all semantics."""
+    plan = task.shortest_plan(args.max_steps, max_bytes=max_bytes(args), time_limit=args.time_limit)
+    with _opened(args.output) as out:
+        return _print_blocks(iter([]) if plan is None else _block(plan), args, out)
+
+
+def _block(plan: tuple[str, ...]) -> Iterator[str]:
+    yield "".join(f"{step}\n" for step in plan) or "; empty plan\n"
 
 
 def _counts(plans: PlanSet, args: argparse.Namespace) -> str:
@@ -68,8 +81,7 @@ def _counts(plans: PlanSet, args: argparse.Namespace) -> str:
     return json.dumps(table, separators=(",", ":")) + "\n"
 
 
-def _print_plans(plans: PlanSet, args: argparse.Namespace, out: TextIO) -> int:
-    blocks = _blocks(plans, args)
+def _print_blocks(blocks: Iterator[str], args: argparse.Namespace, out: TextIO) -> int:
     first = next(blocks, None)
     if first is None:
         sys.stderr.write(f"no plan of at most {args.max_steps} steps ({args.semantics})\n")
@@ -83,19 +95,19 @@ def _print_plans(plans: PlanSet, args: argparse.Namespace, out: TextIO) -> int:
 def _blocks(plans: PlanSet, args: argparse.Namespace) -> Iterator[str]:
     """The text to print, a piece at a time; nothing where there is no plan."""
     if args.sample is None or not plans:
-        yield from _in_order(plans, 1 if args.shortest else args.limit, args.shortest)
+        yield from _in_order(plans, args.limit)
         return
     if args.distinct and args.sample > plans.count():
         raise UsageError(f"--sample {args.sample} --distinct: there are {plans.count()} plans")
     yield plans.sample(min(args.sample, args.limit or args.sample), args.seed, replace=not args.distinct).text()
 
 
-def _in_order(plans: PlanSet, limit: int | None, quiet: bool) -> Iterator[str]:
+def _in_order(plans: PlanSet, limit: int | None) -> Iterator[str]:
     total = plans.count()
     end = total if limit is None else min(limit, total)
     for start in range(0, end, CHUNK):
         yield plans.text(start, min(start + CHUNK, end))
-    if end < total and not quiet:
+    if end < total:
         sys.stderr.write(f"stopped after {end} of {total} plans\n")
 
 

@@ -26,7 +26,8 @@ fn words() -> HashMap<String, String> {
 }
 
 fn judge(completion: &str) -> Judgement {
-    let judged = judge_many(&domain(), &[PROBLEM], &[completion], &[words()]).expect("the problem is right");
+    let judged =
+        judge_many(&domain(), &[PROBLEM], &[completion], &[words()], &Limits::default()).expect("the problem is right");
     judged.into_iter().next().expect("one for one")
 }
 
@@ -83,9 +84,10 @@ fn unknown_words_objects_and_arities_are_told_apart() {
 
 #[test]
 fn a_wrong_problem_is_an_error_and_so_are_lists_that_differ() {
-    let error = judge_many(&domain(), &["(define"], &[RIGHT], &[words()]).expect_err("no problem");
+    let error = judge_many(&domain(), &["(define"], &[RIGHT], &[words()], &Limits::default()).expect_err("no problem");
     assert!(matches!(error, JudgeError::Pddl(_)));
-    let error = judge_many(&domain(), &[PROBLEM], &[RIGHT, RIGHT], &[words()]).expect_err("one problem, two texts");
+    let error = judge_many(&domain(), &[PROBLEM], &[RIGHT, RIGHT], &[words()], &Limits::default())
+        .expect_err("one problem, two texts");
     assert!(matches!(error, JudgeError::Lengths { problems: 1, completions: 2, words: 1 }));
 }
 

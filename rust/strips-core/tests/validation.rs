@@ -11,7 +11,7 @@ use common::random_task::{Features, all_operators, random_task};
 use proptest::prelude::*;
 use strips_core::pddl::ast::{ActionId, Domain, ObjectId, Problem};
 use strips_core::random::Random;
-use strips_core::task::{Limits, OperatorId, ground};
+use strips_core::task::{LimitError, Limits, OperatorId, ground};
 use strips_core::validate::{Outcome, Validator, Verdict, validate, validate_operators};
 
 type Step = (ActionId, Vec<ObjectId>);
@@ -115,7 +115,10 @@ fn agree_on_ids(validator: &Validator, plan: &[Step], verdict: &Verdict) {
     assert_eq!(by_ids, Verdict { line: None, ..verdict.clone() });
     let flat: Vec<u32> = ids.iter().map(|id| id.0).collect();
     let ends = [0, i64::try_from(flat.len()).expect("a short plan")];
-    let outcomes = validator.outcomes_of_operators(&flat, &ends).expect("the offsets are right");
+    let outcomes = validator
+        .outcomes_of_operators(&flat, &ends, &Limits::default())
+        .expect("in time")
+        .expect("the offsets are right");
     assert_eq!(outcomes, [(verdict.outcome, verdict.step.unwrap_or(0) as u32)]);
 }
 
@@ -145,8 +148,21 @@ proptest! {
 fn offsets_that_do_not_ascend_are_refused() {
     let (domain, problem) = random_task(3, Features::STRIPS);
     let validator = Validator::new(Arc::new(ground(domain, problem, &Limits::default()).expect("a small task")));
-    assert_eq!(validator.outcomes_of_operators(&[0, 0], &[0, 2, 1]), None);
-    assert_eq!(validator.outcomes_of_operators(&[0, 0], &[-1, 1]), None);
-    assert_eq!(validator.outcomes_of_operators(&[0, 0], &[0, 3]), None);
-    assert_eq!(validator.outcomes_of_operators(&[u32::MAX], &[0, 1]), Some(vec![(Outcome::UnknownAction, 1)]));
+    let outcomes = |operators: &[u32], offsets: &[i64]| {
+        validator.outcomes_of_operators(operators, offsets, &Limits::default()).expect("in time")
+    };
+    assert_eq!(outcomes(&[0, 0], &[0, 2, 1]), None);
+    assert_eq!(outcomes(&[0, 0], &[-1, 1]), None);
+    assert_eq!(outcomes(&[0, 0], &[0, 3]), None);
+    assert_eq!(outcomes(&[u32::MAX], &[0, 1]), Some(vec![(Outcome::UnknownAction, 1)]));
+}
+
+#[test]
+fn interrupted_validation_says_so() {
+    let (domain, problem) = random_task(3, Features::STRIPS);
+    let validator = Validator::new(Arc::new(ground(domain, problem, &Limits::default()).expect("a small task")));
+    let limits = Limits { interrupt: Some(Arc::new(true.into())), ..Limits::default() };
+    assert_eq!(validator.validate_many(&[""], &limits), Err(LimitError::Interrupted));
+    assert_eq!(validator.outcomes(&[""], &limits), Err(LimitError::Interrupted));
+    assert_eq!(validator.outcomes_of_operators(&[], &[0, 0], &limits), Err(LimitError::Interrupted));
 }

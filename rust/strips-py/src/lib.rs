@@ -15,6 +15,7 @@ mod record;
 mod state_graph;
 mod task;
 mod text;
+mod transitions;
 mod validate;
 
 use pyo3::pymodule;

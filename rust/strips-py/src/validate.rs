@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedStr;
 use pyo3::types::PyDict;
 use strips_core::plan;
+use strips_core::task::limits::{LimitError, Limits};
 use strips_core::validate::{self, JudgeError};
 
 use crate::error::{limit_error, pddl_error};
@@ -158,10 +159,13 @@ pub fn judge(
     words: Vec<HashMap<String, String>>,
 ) -> PyResult<Vec<Judgement>> {
     let domain = domain.ast.clone();
-    let judged = interrupt::detached(py, || {
+    let judged = interrupt::run(py, &Limits::default(), |limits| {
         let problems: Vec<&str> = problems.iter().map(AsRef::as_ref).collect();
         let completions: Vec<&str> = completions.iter().map(AsRef::as_ref).collect();
-        validate::judge_many(&domain, &problems, &completions, &words)
+        match validate::judge_many(&domain, &problems, &completions, &words, limits) {
+            Err(JudgeError::Limit(LimitError::Interrupted)) => Err(LimitError::Interrupted),
+            judged => Ok(judged),
+        }
     })?;
     match judged {
         Ok(judgements) => Ok(judgements.into_iter().map(Judgement).collect()),

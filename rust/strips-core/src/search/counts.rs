@@ -3,6 +3,8 @@
 //! The same table is filled with 64-bit, 128-bit or big numbers, the first that does not overflow. Ranks, draws and
 //! distributions are read off it.
 
+use std::ops::Range;
+
 use num_bigint::BigUint;
 use num_traits::{CheckedAdd, One, ToPrimitive, Zero};
 use rayon::prelude::*;
@@ -88,14 +90,14 @@ impl Table {
     }
 
     /// Counts the plans from each node of a graph whose nodes follow their targets.
-    pub fn of_nodes(graph: &PlanGraph, goals: usize) -> Self {
-        if let Some(columns) = count_nodes(graph, goals) {
-            return Self::Short(columns);
+    pub fn of_nodes(graph: &PlanGraph, goals: usize, watch: &Watch) -> Result<Self, LimitError> {
+        if let Some(columns) = count_nodes(graph, goals, watch)? {
+            return Ok(Self::Short(columns));
         }
-        if let Some(columns) = count_nodes(graph, goals) {
-            return Self::Long(columns);
+        if let Some(columns) = count_nodes(graph, goals, watch)? {
+            return Ok(Self::Long(columns));
         }
-        Self::Big(count_nodes(graph, goals).expect("big numbers do not overflow"))
+        Ok(Self::Big(count_nodes(graph, goals, watch)?.expect("big numbers do not overflow")))
     }
 
     /// Plans of exactly `steps` steps from a node.
@@ -137,19 +139,28 @@ fn count_walks<C: Count>(walks: &WalkGraph, watch: &Watch) -> Result<Option<Colu
         let width = walks.width(steps);
         cells += width;
         watch.bytes(walks.graph.bytes() + cells * size_of::<C>())?;
-        match next_column(&walks.graph, &columns[steps - 1], width) {
-            Some(column) => columns.push(column),
-            None => return Ok(None),
+        let mut column = Vec::with_capacity(width);
+        while column.len() < width {
+            watch.check()?;
+            let nodes = column.len()..width.min(column.len() + NODES);
+            match count_more(&walks.graph, &columns[steps - 1], nodes) {
+                Some(counts) => column.extend(counts),
+                None => return Ok(None),
+            }
         }
+        columns.push(column);
     }
     Ok(Some(Columns { columns, by_steps: true }))
 }
 
-/// One more step for each of the first `width` nodes.
-fn next_column<C: Count>(graph: &PlanGraph, shorter: &[C], width: usize) -> Option<Vec<C>> {
+/// Nodes whose counts are computed between two looks at the clock.
+const NODES: usize = 1 << 20;
+
+/// One more step for some of the nodes.
+fn count_more<C: Count>(graph: &PlanGraph, shorter: &[C], nodes: Range<usize>) -> Option<Vec<C>> {
     let count = |node: u32| total(graph, node, shorter);
-    let width = width as u32;
-    if width < 4096 { (0..width).map(count).collect() } else { (0..width).into_par_iter().map(count).collect() }
+    let nodes = nodes.start as u32..nodes.end as u32;
+    if nodes.len() < 4096 { nodes.map(count).collect() } else { nodes.into_par_iter().map(count).collect() }
 }
 
 /// The sum over a node's edges; nothing if it does not fit.
@@ -160,10 +171,16 @@ fn total<C: Count>(graph: &PlanGraph, node: u32, counts: &[C]) -> Option<C> {
 }
 
 /// One column for a graph whose first `goals` nodes are goals and whose nodes come after their targets.
-fn count_nodes<C: Count>(graph: &PlanGraph, goals: usize) -> Option<Columns<C>> {
+fn count_nodes<C: Count>(graph: &PlanGraph, goals: usize, watch: &Watch) -> Result<Option<Columns<C>>, LimitError> {
     let mut counts = vec![C::one(); goals];
     for node in goals as u32..graph.ends.len() as u32 {
-        counts.push(total(graph, node, &counts)?);
+        if node % 65_536 == 0 {
+            watch.check()?;
+        }
+        match total(graph, node, &counts) {
+            Some(count) => counts.push(count),
+            None => return Ok(None),
+        }
     }
-    Some(Columns { columns: vec![counts], by_steps: false })
+    Ok(Some(Columns { columns: vec![counts], by_steps: false }))
 }

@@ -71,21 +71,21 @@ pub(super) struct Explored {
     pub goal: Option<u32>,
 }
 
-/// Explores from `init`.
+/// Explores from one packed state or several, one after the other in `roots`.
 pub(super) fn explore(
     generator: &SuccessorGenerator,
     bound: &GoalBound,
-    init: &[u64],
+    roots: &[u64],
     scope: Scope,
     watch: &Watch,
 ) -> Result<Explored, LimitError> {
     let width = generator.width();
     match width {
-        1 => Explorer::<1>::new(generator, bound, scope, watch, width).run(init),
-        2 => Explorer::<2>::new(generator, bound, scope, watch, width).run(init),
-        3 => Explorer::<3>::new(generator, bound, scope, watch, width).run(init),
-        4 => Explorer::<4>::new(generator, bound, scope, watch, width).run(init),
-        _ => Explorer::<0>::new(generator, bound, scope, watch, width).run(init),
+        1 => Explorer::<1>::new(generator, bound, scope, watch, width).run(roots),
+        2 => Explorer::<2>::new(generator, bound, scope, watch, width).run(roots),
+        3 => Explorer::<3>::new(generator, bound, scope, watch, width).run(roots),
+        4 => Explorer::<4>::new(generator, bound, scope, watch, width).run(roots),
+        _ => Explorer::<0>::new(generator, bound, scope, watch, width).run(roots),
     }
 }
 
@@ -130,9 +130,11 @@ impl<'a, const W: usize> Explorer<'a, W> {
         self.found.states.len() / self.width()
     }
 
-    fn run(mut self, init: &[u64]) -> Result<Explored, LimitError> {
-        if self.keeps(init, self.scope.horizon) {
-            self.find_or_add(init, 0);
+    fn run(mut self, roots: &[u64]) -> Result<Explored, LimitError> {
+        for root in roots.chunks_exact(self.width()) {
+            if self.keeps(root, self.scope.horizon) {
+                self.find_or_add(root, 0);
+            }
         }
         let mut depth = 0;
         while self.found.layers.last() != Some(&(self.len() as u32)) && !self.is_done() {

@@ -77,7 +77,7 @@ impl PlanSet {
         walks.graph.roots = (0..=horizon).map(|steps| solvable(steps).then_some(0)).collect();
         if semantics == Semantics::Simple {
             let (graph, goals) = simple_graph(&walks, &watch)?;
-            table = Table::of_nodes(&graph, goals);
+            table = Table::of_nodes(&graph, goals, &watch)?;
             walks.graph = graph;
         }
         Ok(Self::assemble(task, horizon, semantics, walks.graph, table))

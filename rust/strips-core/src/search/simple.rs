@@ -47,7 +47,7 @@ pub(super) fn simple_graph(walks: &WalkGraph, watch: &Watch) -> Result<(PlanGrap
         levels.push(level);
     }
     levels.reverse();
-    Ok(compact(&levels))
+    compact(&levels, watch)
 }
 
 impl Level {
@@ -134,13 +134,16 @@ fn matters(seen: u32, state: u32, left: usize, walks: &WalkGraph) -> bool {
 }
 
 /// Numbers the nodes that have a plan, the fewest steps left first.
-fn compact(levels: &[Level]) -> (PlanGraph, usize) {
+fn compact(levels: &[Level], watch: &Watch) -> Result<(PlanGraph, usize), LimitError> {
     const DEAD: u32 = u32::MAX;
     let mut graph = PlanGraph { live: Live::Everywhere, ..PlanGraph::default() };
     let mut below: Vec<u32> = Vec::new();
     for (left, level) in levels.iter().enumerate() {
         let mut numbers = vec![DEAD; level.states.len()];
         for (node, number) in numbers.iter_mut().enumerate() {
+            if node % 65_536 == 0 {
+                watch.check()?;
+            }
             let first = graph.edges.len();
             let edges = if left == 0 { &[][..] } else { level.edges_of(node) };
             let live = edges.iter().map(|edge| Edge { target: below[edge.target as usize], ..*edge });
@@ -153,7 +156,7 @@ fn compact(levels: &[Level]) -> (PlanGraph, usize) {
         graph.roots.push(level.root.map(|root| numbers[root as usize]).filter(|&number| number != DEAD));
         below = numbers;
     }
-    (graph, levels[0].states.len())
+    Ok((graph, levels[0].states.len()))
 }
 
 impl Level {

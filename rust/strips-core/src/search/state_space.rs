@@ -2,8 +2,6 @@
 
 use std::collections::VecDeque;
 
-use rayon::prelude::*;
-
 use super::exploration::{Explored, Links, NOWHERE, Scope, explore};
 use super::goal_bound::GoalBound;
 use super::plan::Plan;
@@ -65,6 +63,22 @@ impl StateSpace {
         Ok(Self { width, facts: task.facts.len(), explored, distances, horizon: reach.horizon })
     }
 
+    /// Explores from several packed states at once, none of which needs to be reachable from the initial one. The depth
+    /// of a state is its distance from the nearest of them; with a horizon, all that matters to the distances of the
+    /// given states to the goal is there.
+    pub(super) fn around(
+        task: &Task,
+        (generator, bound): (&SuccessorGenerator, &GoalBound),
+        states: &[u64],
+        horizon: Option<usize>,
+        watch: &Watch,
+    ) -> Result<Self, LimitError> {
+        let (reach, width) = (Reach { horizon, stop_at_goals: true }, generator.width());
+        let explored = explore(generator, bound, states, scope(reach, true), watch)?;
+        let distances = distances(&explored, bound, width, watch)?;
+        Ok(Self { width, facts: task.facts.len(), explored, distances, horizon })
+    }
+
     /// Numbers the reachable states without their distances to the goal, for counting and measuring.
     ///
     /// # Errors
@@ -104,8 +118,12 @@ impl StateSpace {
 
     /// The number of a state, if it is there.
     pub fn find(&self, state: &State) -> Option<StateId> {
-        let words = padded(state, self.width);
-        let hash = hash_words(&words);
+        self.find_words(&padded(state, self.width))
+    }
+
+    /// The number of a packed state, if it is there.
+    pub(super) fn find_words(&self, words: &[u64]) -> Option<StateId> {
+        let hash = hash_words(words);
         let same = |number| self.words(StateId(number)) == words;
         self.explored.table.shards[shard_of(hash)].find(hash, same).ok().map(StateId)
     }
@@ -116,11 +134,6 @@ impl StateSpace {
         let distance = *self.distances.get(state.index())?;
         let fits = |horizon: usize| self.depth(state) + distance as usize <= horizon;
         (distance != u32::MAX && self.horizon.is_none_or(fits)).then_some(distance as usize)
-    }
-
-    /// [`Self::find`] and [`Self::distance_to_goal`] for many states at once, in parallel.
-    pub fn distances_to_goal(&self, states: &[State]) -> Vec<Option<usize>> {
-        states.par_iter().map(|state| self.find(state).and_then(|id| self.distance_to_goal(id))).collect()
     }
 
     /// Bytes held beside the packed states.
@@ -198,7 +211,10 @@ fn distances(explored: &Explored, bound: &GoalBound, width: usize, watch: &Watch
 fn reversed(links: &Links, states: usize, watch: &Watch) -> Result<(Vec<u64>, Vec<u32>), LimitError> {
     let mut ends = vec![0u64; states + 1];
     let kept = |&&target: &&u32| target != NOWHERE;
-    links.targets.iter().filter(kept).for_each(|&target| ends[target as usize + 1] += 1);
+    for targets in links.targets.chunks(1 << 20) {
+        watch.check()?;
+        targets.iter().filter(kept).for_each(|&target| ends[target as usize + 1] += 1);
+    }
     (0..states).for_each(|state| ends[state + 1] += ends[state]);
     let mut sources = vec![0; ends[states] as usize];
     for source in 0..links.ends.len() {

@@ -9,8 +9,6 @@
 //! Conditional effects and axioms take a slower way through [`SuccessorGenerator::successor`]; clauses are evaluated
 //! after the masks have passed.
 
-use rayon::prelude::*;
-
 use super::condition::{Change, Masks, Test, changes, position, satisfied};
 use crate::task::{FactId, Formula, GroundEffect, Operator, OperatorId, State, Task};
 
@@ -132,19 +130,6 @@ impl SuccessorGenerator {
         let mut next = state.clone();
         self.apply(operator.0, &state.0, &mut next.0);
         next
-    }
-
-    /// [`Self::applicable`] of many states at once, in parallel.
-    pub fn applicable_many(&self, states: &[State]) -> Vec<Vec<OperatorId>> {
-        states.par_iter().map(|state| self.applicable(state)).collect()
-    }
-
-    /// [`Self::successor`] of many pairs at once, in parallel; `None` where the operator is not applicable.
-    pub fn successor_many(&self, task: &Task, pairs: &[(State, OperatorId)]) -> Vec<Option<State>> {
-        let next = |(state, operator): &(State, OperatorId)| {
-            task.operators[operator.index()].applicable(state).then(|| self.successor(state, *operator))
-        };
-        pairs.par_iter().map(next).collect()
     }
 
     /// Replaces the content of `found` by the applicable operators, ascending.

@@ -23,7 +23,11 @@ impl Task {
 
     /// The fact as PDDL writes it: `(on cup table)`.
     pub fn fact_name(&self, fact: FactId) -> String {
-        let fact = &self.facts[fact.index()];
+        self.atom_name(&self.facts[fact.index()])
+    }
+
+    /// Any atom as PDDL writes it.
+    pub fn atom_name(&self, fact: &Fact) -> String {
         self.application(&self.domain.predicates[fact.predicate.index()].name, &fact.args)
     }
 

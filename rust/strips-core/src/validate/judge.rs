@@ -116,37 +116,44 @@ fn plan_line(name: &str, args: &[&str]) -> String {
 /// `words[i]` gives the domain's action for a word of completion `i`; words that it does not hold stand for themselves.
 ///
 /// # Errors
-/// When a problem cannot be read or grounded, or the lists differ in length.
+/// When a problem cannot be read or grounded within `limits`, the lists differ in length, or the work is interrupted.
 pub fn judge_many<S: BuildHasher + Sync>(
     domain: &Arc<Domain>,
     problems: &[&str],
     completions: &[&str],
     words: &[HashMap<String, String, S>],
+    limits: &Limits,
 ) -> Result<Vec<Judgement>, JudgeError> {
     if problems.len() != completions.len() || words.len() != completions.len() {
         let (problems, completions, words) = (problems.len(), completions.len(), words.len());
         return Err(JudgeError::Lengths { problems, completions, words });
     }
-    let validators = validators(domain, problems)?;
+    let validators = validators(domain, problems, limits)?;
+    let watch = limits.start();
     let one = |index: usize| {
+        watch.check()?;
         let completion = parse_completion(completions[index]);
-        judge(&validators[problems[index]], &completion, &words[index])
+        Ok(judge(&validators[problems[index]], &completion, &words[index]))
     };
-    Ok((0..problems.len()).into_par_iter().map(one).collect())
+    (0..problems.len()).into_par_iter().map(one).collect()
 }
 
-fn validators<'p>(domain: &Arc<Domain>, problems: &[&'p str]) -> Result<FxHashMap<&'p str, Validator>, JudgeError> {
+fn validators<'p>(
+    domain: &Arc<Domain>,
+    problems: &[&'p str],
+    limits: &Limits,
+) -> Result<FxHashMap<&'p str, Validator>, JudgeError> {
     let mut distinct = problems.to_vec();
     distinct.sort_unstable();
     distinct.dedup();
     let prepared: Result<Vec<_>, JudgeError> = distinct
         .into_par_iter()
-        .map(|problem| Ok((problem, Validator::new(Arc::new(prepare(domain, problem)?)))))
+        .map(|problem| Ok((problem, Validator::new(Arc::new(prepare(domain, problem, limits)?)))))
         .collect();
     prepared.map(|prepared| prepared.into_iter().collect())
 }
 
-fn prepare(domain: &Arc<Domain>, problem: &str) -> Result<Task, JudgeError> {
+fn prepare(domain: &Arc<Domain>, problem: &str, limits: &Limits) -> Result<Task, JudgeError> {
     let problem = parse_problem(&Source::new("problem", problem), domain, None)?;
-    Ok(ground(Arc::clone(domain), Arc::new(problem), &Limits::default())?)
+    Ok(ground(Arc::clone(domain), Arc::new(problem), limits)?)
 }

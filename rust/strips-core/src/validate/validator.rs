@@ -9,7 +9,7 @@ use super::lookup::Lookup;
 use super::operator_index::OperatorIndex;
 use super::program::{End, Program};
 use super::{Outcome, Verdict};
-use crate::task::{OperatorId, Task};
+use crate::task::{LimitError, Limits, OperatorId, Task};
 
 /// A task prepared for validating many plans.
 ///
@@ -46,17 +46,32 @@ impl Validator {
     }
 
     /// The verdict on each plan text, in order, computed in parallel.
-    pub fn validate_many<S: AsRef<str> + Sync>(&self, texts: &[S]) -> Vec<Verdict> {
-        texts.par_iter().with_min_len(64).map(|text| self.validate(text.as_ref())).collect()
+    ///
+    /// # Errors
+    /// When the time of `limits` is up or the work is interrupted.
+    pub fn validate_many<S: AsRef<str> + Sync>(
+        &self,
+        texts: &[S],
+        limits: &Limits,
+    ) -> Result<Vec<Verdict>, LimitError> {
+        in_time(
+            texts.par_iter().with_min_len(64),
+            |text| self.validate(text.as_ref()),
+            || Verdict::valid(0, 0.0),
+            limits,
+        )
     }
 
     /// The outcome of each plan text, without its evidence, in parallel.
-    pub fn outcomes<S: AsRef<str> + Sync>(&self, texts: &[S]) -> Vec<Outcome> {
+    ///
+    /// # Errors
+    /// As [`Self::validate_many`].
+    pub fn outcomes<S: AsRef<str> + Sync>(&self, texts: &[S], limits: &Limits) -> Result<Vec<Outcome>, LimitError> {
         let outcome = |text: &str| match self.usual(text) {
             Some(_) => Outcome::Valid,
             None => explain_text(&self.task, self.lookup(), text).outcome,
         };
-        texts.par_iter().with_min_len(64).map(|text| outcome(text.as_ref())).collect()
+        in_time(texts.par_iter().with_min_len(64), |text| outcome(text.as_ref()), || Outcome::Valid, limits)
     }
 
     /// The verdict on a sequence of operators; equal to that of [`super::validate_operators`].
@@ -70,12 +85,21 @@ impl Validator {
     /// Outcome and step (0 where it has no meaning) of many sequences of operators, in parallel.
     ///
     /// Sequence `i` is `operators[offsets[i]..offsets[i + 1]]`. None if the offsets do not ascend within `operators`.
-    pub fn outcomes_of_operators(&self, operators: &[u32], offsets: &[i64]) -> Option<Vec<(Outcome, u32)>> {
+    ///
+    /// # Errors
+    /// As [`Self::validate_many`].
+    pub fn outcomes_of_operators(
+        &self,
+        operators: &[u32],
+        offsets: &[i64],
+        limits: &Limits,
+    ) -> Result<Option<Vec<(Outcome, u32)>>, LimitError> {
         let run = |bounds: &[i64]| {
             let plan = operators.get(usize::try_from(bounds[0]).ok()?..usize::try_from(bounds[1]).ok()?)?;
             Some(outcome(self.program.run(&self.task, plan.iter().copied())))
         };
-        offsets.par_windows(2).with_min_len(256).map(run).collect()
+        let outcomes = in_time(offsets.par_windows(2).with_min_len(256), run, || None, limits)?;
+        Ok(outcomes.into_iter().collect())
     }
 
     /// Length and cost, if the text is a valid plan spelt the usual way; none also where that is not clear yet.
@@ -87,6 +111,18 @@ impl Validator {
         let cost = if priced.is_some() { steps.cost } else { steps.count as f64 };
         (end == End::Valid && steps.clear).then_some((steps.count, cost))
     }
+}
+
+/// Maps in parallel. Once the time is up, which it then stays, the rest is filled with `nothing`, so that it ends soon.
+fn in_time<I: IndexedParallelIterator, T: Send>(
+    items: I,
+    one: impl Fn(I::Item) -> T + Sync + Send,
+    nothing: impl Fn() -> T + Sync + Send,
+    limits: &Limits,
+) -> Result<Vec<T>, LimitError> {
+    let watch = limits.start();
+    let done = items.map(|item| if watch.check().is_ok() { one(item) } else { nothing() }).collect();
+    watch.check().map(|()| done)
 }
 
 /// The verdict on each plan text against a task of its own, in order, computed in parallel.

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use num_bigint::BigUint;
 use num_traits::{One, Zero};
 use proptest::prelude::*;
-use strips_core::search::{Plan, PlanSet, Reach, Semantics, StateSpace, SuccessorGenerator, shortest_plan};
+use strips_core::search::{
+    Plan, PlanSet, Reach, Semantics, StateSpace, SuccessorGenerator, TransitionSystem, shortest_plan,
+};
 use strips_core::task::{Limits, OperatorId, State, Task};
 
 use crate::naive;
@@ -81,8 +83,43 @@ proptest! {
             }
         }
         let expected: Vec<_> = distances.into_iter().map(|d| (d != usize::MAX).then_some(d)).collect();
-        prop_assert_eq!(space.distances_to_goal(&states), expected);
+        let found: Vec<_> = (0..space.len()).map(|number| space.distance_to_goal(number.into())).collect();
+        prop_assert_eq!(&found, &expected);
+        check_batches(&task, &states, &expected)?;
     }
+}
+
+/// The states of a task in one batch, against the task itself.
+fn check_batches(task: &Arc<Task>, states: &[State], distances: &[Option<usize>]) -> Result<(), TestCaseError> {
+    let (system, limits) = (TransitionSystem::new(task.clone()), Limits::default());
+    let width = system.width();
+    let pack = |state: &State| [&state.0, &[0][..width - state.0.len()]].concat();
+    let words: Vec<u64> = states.iter().flat_map(pack).collect();
+    prop_assert_eq!(&system.init(), &words[..width]);
+    for most in [None, Some(0), Some(2)] {
+        let near: Vec<_> = distances.iter().map(|d| d.filter(|&d| most.is_none_or(|most| d <= most))).collect();
+        prop_assert_eq!(system.distances_to_goal(&words, most, &limits), Ok(near));
+    }
+    let goals: Vec<bool> = states.iter().map(|state| task.goal.holds(state)).collect();
+    prop_assert_eq!(system.are_goals(&words), Ok(goals));
+    let all = system.applicable(&words, &limits).expect("within limits");
+    let (mut from, mut operators, mut to) = (Vec::new(), Vec::new(), Vec::new());
+    for (row, state) in states.iter().enumerate() {
+        let slow = (0..task.operators.len()).filter(|&number| task.operators[number].applicable(state));
+        let slow: Vec<u32> = slow.map(|number| number as u32).collect();
+        prop_assert_eq!(&all.operators[all.offsets[row] as usize..all.offsets[row + 1] as usize], &slow);
+        for operator in slow {
+            from.extend(pack(state));
+            operators.push(operator);
+            to.extend(pack(&task.apply(&task.operators[operator as usize], state)));
+        }
+    }
+    prop_assert_eq!(system.successors(&from, &operators, &limits), Ok(to));
+    let names = system.atoms(&words, &limits).expect("within limits");
+    for (names, state) in names.iter().zip(states) {
+        prop_assert_eq!(system.state_of(names), Ok(pack(state)));
+    }
+    Ok(())
 }
 
 fn check_flat(set: &PlanSet, expected: &[Vec<u32>]) -> Result<(), TestCaseError> {
