@@ -1,7 +1,8 @@
 //! Measures search for the peer comparison.
 //!
 //! `search write DIR` writes the tasks as `DIR/NAME/{domain,problem}.pddl`; `search first DOMAIN PROBLEM` looks for a first
-//! plan and explores all states, on one thread; `search plans DOMAIN PROBLEM HORIZON` lists all plans. One JSON line.
+//! plan and explores all states, on one thread; `search explore DOMAIN PROBLEM THREADS` explores all states, the best of
+//! three times on the clock; `search plans DOMAIN PROBLEM HORIZON` lists all plans. One JSON line.
 
 use std::error::Error;
 use std::fs;
@@ -10,7 +11,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use num_bigint::BigUint;
-use strips_bench::classics::{blocksworld, gripper};
+use strips_bench::classics::{blocksworld, evening, gripper};
 use strips_bench::processor_seconds;
 use strips_core::pddl::{Source, parse_domain, parse_problem};
 use strips_core::search::{PlanSet, Reach, Semantics, StateSpace, shortest_plan};
@@ -21,13 +22,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
         ["write", folder] => write(Path::new(folder)),
         ["first", domain, problem] => first(domain, problem),
+        ["explore", domain, problem, threads] => explore(domain, problem, threads.parse()?),
         ["plans", domain, problem, horizon] => plans(domain, problem, horizon.parse()?),
-        _ => Err("usage: search write DIR | search first DOMAIN PROBLEM | search plans DOMAIN PROBLEM HORIZON".into()),
+        _ => Err("usage: search write DIR | search first DOMAIN PROBLEM | search explore DOMAIN PROBLEM THREADS | \
+            search plans DOMAIN PROBLEM HORIZON"
+            .into()),
     }
 }
 
 fn write(folder: &Path) -> Result<(), Box<dyn Error>> {
-    for task in [gripper(4), gripper(8), gripper(12), blocksworld(6), blocksworld(8)] {
+    for task in [gripper(4), gripper(8), gripper(12), blocksworld(6), blocksworld(8), evening()] {
         let folder = folder.join(&task.name);
         fs::create_dir_all(&folder)?;
         fs::write(folder.join("domain.pddl"), task.domain)?;
@@ -60,6 +64,20 @@ fn first(domain: &str, problem: &str) -> Result<(), Box<dyn Error>> {
         space.len(),
         end - middle
     );
+    Ok(())
+}
+
+fn explore(domain: &str, problem: &str, threads: usize) -> Result<(), Box<dyn Error>> {
+    let (task, limits) = (load(domain, problem)?, Limits::default());
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let (mut seconds, mut states) = (f64::INFINITY, 0);
+    for _ in 0..3 {
+        let start = Instant::now();
+        states = pool.install(|| StateSpace::reachable(&task, Reach::default(), &limits))?.len();
+        seconds = seconds.min(start.elapsed().as_secs_f64());
+    }
+    let beside = StateSpace::explore(&task, Reach::default(), &limits)?.bytes_beside_states() as f64 / states as f64;
+    println!("{{\"states\":{states},\"seconds\":{seconds:.6},\"bytes_beside\":{beside:.1}}}");
     Ok(())
 }
 
