@@ -94,7 +94,7 @@ def test_a_swapped_label_is_found(data: Path, tmp_path: Path, capsys: pytest.Cap
     names = [{"completion": "negative", "negative": "completion"}.get(name, name) for name in table.column_names]
     pq.write_table(table.rename_columns(names), path)
     assert main(["verify-data", str(copy)]) == 1
-    assert "seen 0: the positive" in capsys.readouterr().out
+    assert "seen 0: the completion is not the plan with its states" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("jobs", [1, 2, 8])
@@ -231,8 +231,58 @@ def test_any_domain_gives_records_from_one_problem_alone(tmp_path: Path) -> None
         " (:init (lit a) (next a b) (next b c) (next c d) (next d a)) (:goal (lit d)))"
     )
     out = tmp_path / "out"
-    assert main(["gen-data", f"--out={out}", f"--domain={domain}", f"--problems={problem}", *SMALL]) == 0
+    assert (
+        main(["gen-data", f"--out={out}", f"--domain={domain}", f"--problems={problem}", "--random-goals", *SMALL]) == 0
+    )
     assert main(["verify-data", str(out)]) == 0
+
+
+LAMPS = (
+    "(define (domain lamps) (:requirements :strips) (:predicates (lit ?x) (next ?x ?y))"
+    " (:action light :parameters (?x ?y) :precondition (and (next ?x ?y) (lit ?x)) :effect (lit ?y)))"
+)
+
+
+def lamps(folder: Path, name: str, goal: str) -> Path:
+    path = folder / name
+    path.write_text(
+        f"(define (problem p) (:domain lamps) (:objects a b c d)"
+        f" (:init (lit a) (next a b) (next b c) (next c d))\n (:goal {goal}))"
+    )
+    return path
+
+
+def test_own_problems_are_used_with_their_goals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "domain.pddl").write_text(LAMPS)
+    lamps(tmp_path, "p1.pddl", "(and (lit b) (lit c))")
+    lamps(tmp_path, "p2.pddl", "(lit d)")
+    lamps(tmp_path, "p3.pddl", "(lit a)")
+    given = ["gen-data", f"--domain={tmp_path / 'domain.pddl'}", f"--problems={tmp_path / 'p*.pddl'}", "--pairs=60"]
+    own = ["--set=data.state_goal_share=0.0", "--set=data.unseen_shapes_share=0.0", "--set=data.suite_records=0"]
+    out = tmp_path / "out"
+    assert main([*given, *own, f"--out={out}"]) == 0
+    assert "p3.pddl: its own goal is left out" in capsys.readouterr().err
+    problems = pq.read_table(out / "problems.parquet")
+    assert problems["shortest"].to_pylist() == [2, 3]
+    assert {row["template"] for row in rows(out, "train")} == {"given"}
+    assert main(["verify-data", str(out)]) == 0
+
+
+def test_mistakes_in_own_problems_are_told_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "domain.pddl").write_text(LAMPS)
+    given = ["gen-data", f"--domain={tmp_path / 'domain.pddl'}", f"--out={tmp_path / 'out'}"]
+    bad = lamps(tmp_path, "bad.pddl", "(lid d)")
+    assert main([*given, f"--problems={bad}"]) == 2
+    assert "bad.pddl:2:10: " in capsys.readouterr().err
+    assert main([*given, f"--problems={tmp_path / 'q*.pddl'}"]) == 2
+    assert "no file fits" in capsys.readouterr().err
+    either = lamps(tmp_path, "either.pddl", "(or (lit c) (lit d))")
+    assert main([*given, f"--problems={either}"]) == 2
+    assert "either.pddl: the goal is no conjunction of literals" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert main([*given, f"--problems={either}", "--random-goals", *SMALL]) == 0
 
 
 def test_gen_data_never_imports_torch(tmp_path: Path) -> None:

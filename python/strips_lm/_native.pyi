@@ -3,7 +3,7 @@
 Texts in, plans, counts and verdicts out. Every call that may be long leaves the interpreter free and answers Ctrl-C.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, TypeAlias, final, overload
 
 import numpy as np
@@ -24,6 +24,7 @@ __all__ = [
     "PlanSet",
     "Plans",
     "Problem",
+    "Prover",
     "RecordStream",
     "Task",
     "Verdict",
@@ -533,6 +534,9 @@ class RecordStream:
     @property
     def splits(self) -> list[tuple[str, int]]:
         """The splits that have records, in order, and how many each has."""
+    @property
+    def left_out(self) -> list[str]:
+        """A line for each given problem whose own goal gives no records, with its file."""
     def batch(self, split: str, start: int, stop: int) -> dict[str, Any]:
         """Records as columns: arrays of numbers, `(offsets, bytes)` for texts, `(offsets, texts)` for lists.
 
@@ -542,6 +546,20 @@ class RecordStream:
         """
     def problems(self) -> dict[str, Any]:
         """The problems that the records refer to, as columns."""
+
+@final
+class Prover:
+    """Proves records from their columns and the problems' PDDL alone."""
+
+    def __new__(cls, domain: Domain, problems: Sequence[str]) -> Prover: ...
+    def hashes(self, state_goals: Sequence[bool]) -> list[tuple[str, int]]:
+        """Each problem's canonical hash and number of objects; `state_goals` says which ask for a whole state.
+
+        Raises:
+            DataError: a problem cannot be read or grounded.
+        """
+    def check(self, rows: Sequence[Mapping[str, Any]]) -> list[str | None]:
+        """What is wrong with each record, given by its columns; `None` for nothing."""
 
 @final
 class MaskedDecoder:

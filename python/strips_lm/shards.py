@@ -7,10 +7,10 @@ Holds one shard in memory, and the next while the last is written. Knows nothing
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -22,6 +22,11 @@ import pyarrow.parquet as pq
 from strips_lm.card import dataset_card
 from strips_lm.config import RunConfig
 from strips_lm.config.names import ConfigError
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -66,7 +71,13 @@ def shards(splits: list[tuple[str, int]], config: RunConfig) -> list[Shard]:
 
 
 def write_data_set(
-    out: Path, config: RunConfig, sources: DomainSources, *, jobs: int = 0, tick: Tick = lambda *_: None
+    out: Path,
+    config: RunConfig,
+    sources: DomainSources,
+    *,
+    jobs: int = 0,
+    tick: Tick = lambda *_: None,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> bool:
     """Writes the data set into the folder `out`, or goes on where an earlier run stopped.
 
@@ -84,6 +95,8 @@ def write_data_set(
     tick("problems", 0, 1)
     stream = sources.stream(config, jobs)
     tick("problems", 1, 1)
+    for line in stream.left_out:
+        warn(line)
     out.mkdir(parents=True, exist_ok=True)
     with _lock(out):
         _sweep(out)
@@ -115,11 +128,20 @@ def refuse_other(out: Path, config: RunConfig, sources: DomainSources) -> None:
 def _lock(out: Path) -> Iterator[None]:
     with (out / ".lock").open("w") as file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            _hold(file.fileno())
+        except OSError:
             raise ConfigError(f"{out}: another run is writing here") from None
         yield
-        (out / ".lock").unlink(missing_ok=True)
+        if sys.platform != "win32":  # which removes no open file; the name alone locks nothing
+            (out / ".lock").unlink(missing_ok=True)
+
+
+def _hold(file: int) -> None:
+    """Locks the open file, or raises `OSError`; the system lets go of it when this process ends, however it ends."""
+    if sys.platform == "win32":
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+    else:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _sweep(out: Path) -> None:
@@ -209,7 +231,9 @@ def _final(path: Path) -> Iterator[Path]:
 
 
 def _flush(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
+    if sys.platform == "win32" and path.is_dir():
+        return  # Windows opens no folders, and needs no flush of them
+    handle = os.open(path, os.O_RDWR if path.is_file() else os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
@@ -219,7 +243,7 @@ def _flush(path: Path) -> None:
 def _digests(out: Path) -> dict[str, dict[str, Any]]:
     """Size and SHA-256 of every file of the data set."""
     paths = sorted(path for path in out.rglob("*") if path.is_file() and not path.name.startswith("."))
-    return {str(path.relative_to(out)): digest(path) for path in paths}
+    return {path.relative_to(out).as_posix(): digest(path) for path in paths}
 
 
 def digest(path: Path) -> dict[str, Any]:

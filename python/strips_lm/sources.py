@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from glob import glob, has_magic
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,17 +66,28 @@ def built_in_domains() -> list[str]:
 
 
 def read_sources(domain: str, problems: tuple[str, ...] = ()) -> DomainSources:
-    """Reads a built-in domain by name, a folder, or a PDDL file; `problems` are paths of further problems.
+    """Reads a built-in domain by name, a folder, or a PDDL file; `problems` are paths or patterns of further problems.
 
     Raises:
-        ConfigError: there is no such domain.
+        ConfigError: there is no such domain, or a pattern fits no file.
         OSError: a file cannot be read.
     """
     found = _find(domain)
-    for number, path in enumerate(problems):
-        found[f"starts/{number:05d}.pddl"] = Path(path)
+    for number, path in enumerate(_expanded(problems)):
+        found[f"starts/{number:05d}.pddl"] = path
     texts = {name: entry.read_text(encoding="utf-8") for name, entry in found.items()}
     return DomainSources(texts, {name: str(entry) for name, entry in found.items()})
+
+
+def _expanded(patterns: tuple[str, ...]) -> list[Path]:
+    """The files that the patterns fit, in the order of their names; each once."""
+    found: set[str] = set()
+    for pattern in patterns:
+        fitting = glob(pattern, recursive=True) if has_magic(pattern) and not Path(pattern).exists() else [pattern]  # noqa: PTH207
+        if not fitting:
+            raise ConfigError(f"no file fits `{pattern}`")
+        found.update(fitting)
+    return [Path(path) for path in sorted(found)]
 
 
 def read_kept(folder: Path) -> DomainSources:

@@ -1,70 +1,38 @@
 """Proving a data set again, from its files alone.
 
-Every file has the size and hash that the manifest says; every positive is a right completion for its own problem; every
-negative is wrong for the recorded reason at the recorded step; no record is there twice; each suite shares none of what
-it holds out with training. Works a row group at a time; a split's names and hashes of texts are all that is kept.
+Three proofs, none of which leans on another:
+
+- the manifest: every file has the size and hash that it says, and there are no others;
+- the oracle (`Prover`, `suites`): every column of every record is held against the problem's PDDL, canonical hashes
+  are computed anew, no record is there twice, each suite shares none of what it holds out with training;
+- the making: `run.toml` and the domain's files give every cell again, for data sets made by this version.
+
+Works a row group at a time; names, words, problems and a hash of each text are all that is kept.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 
-from strips_lm._native import Domain, Problem, judge
+from strips_lm._native import DataError, Domain, PddlError, Prover, __version__
+from strips_lm.config import RunConfig
 from strips_lm.config.names import ConfigError
-from strips_lm.shards import ROW_GROUP, digest
+from strips_lm.shards import ROW_GROUP, digest, table
+from strips_lm.sources import read_kept
+from strips_lm.suites import Found, shared
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from strips_lm._native import Judgement
+    from strips_lm._native import RecordStream
 
     Row = dict[str, Any]
-
-COLUMNS = [
-    "index",
-    "prompt",
-    "completion",
-    "negative",
-    "plan",
-    "negative_verdict",
-    "negative_step",
-    "problem_id",
-    "names",
-    "words",
-    "steps",
-    "optimal_steps",
-]
-
-NAME = re.compile(r"[^\s(),<>|]+")
-"""A word of a completion, markers left out."""
-
-HELD_OUT = {
-    "unseen-objects": "names",
-    "unseen-made-up-names": "names",
-    "unseen-actions": "words",
-    "unseen-shapes": "problems",
-    "unseen-template": "problems",
-    "more-objects": "problems",
-    "longer": "problems",
-}
-"""What each suite must not share with training."""
-
-
-@dataclass(slots=True)
-class Found:
-    """What a split was found to hold."""
-
-    names: set[str] = field(default_factory=set)
-    words: set[str] = field(default_factory=set)
-    problems: set[str] = field(default_factory=set)
-    texts: set[bytes] = field(default_factory=set)
 
 
 @dataclass(slots=True)
@@ -73,6 +41,8 @@ class Verification:
 
     records: int = 0
     faults: list[str] = field(default_factory=list)
+    made_again: bool = True
+    """Whether every cell was compared with what `run.toml` gives; not so for data sets of another version."""
 
 
 def verify(folder: Path, tick: Callable[[int], None] = lambda _: None, most_faults: int = 20) -> Verification:
@@ -85,113 +55,141 @@ def verify(folder: Path, tick: Callable[[int], None] = lambda _: None, most_faul
         raise ConfigError(f"{folder}: no finished data set here\nhint: strips-lm gen-data --out {folder}")
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     result = Verification(faults=_wrong_files(folder, manifest["files"]))
-    checker = _Checker(folder)
+    try:
+        stream = _stream(folder)
+        checker = _Checker(folder)
+    except (ConfigError, DataError, PddlError, pa.ArrowInvalid) as error:
+        result.faults.append(str(error))
+        return result
+    result.made_again = stream is not None
+    result.faults += checker.problem_faults(stream)
+    if stream is not None and dict(stream.splits) != manifest["splits"]:
+        result.faults.append("manifest.json: other splits than run.toml gives")
     found = {}
-    for split in manifest["splits"]:
-        found[split] = Found()
+    for split, records in manifest["splits"].items():
+        found[split], start = Found(), 0
         for row_group in _row_groups(folder, split):
-            result.faults += checker.check(split, row_group, found[split])
-            result.records += len(row_group)
+            result.faults += checker.check(split, start, row_group, found[split], stream)
+            start += row_group.num_rows
+            result.records += row_group.num_rows
             tick(result.records)
             if len(result.faults) >= most_faults:
                 return result
-    result.faults += _shared(found)
+        if start != records:
+            result.faults.append(f"{split}: {start} records, not {records}")
+    result.faults += shared(found)
     return result
 
 
+def _stream(folder: Path) -> RecordStream | None:
+    """What makes the data set again, if this version made it."""
+    kept = RunConfig.load(folder / "run.toml")
+    text = (folder / "run.toml").read_text(encoding="utf-8")
+    return read_kept(folder).stream(kept) if f'strips-lm = "{__version__}"' in text else None
+
+
 def _wrong_files(folder: Path, files: dict[str, dict[str, Any]]) -> list[str]:
-    faults = []
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    faults = [
+        f"{name}: not in the manifest"
+        for name in sorted(there - set(files) - {"manifest.json"})
+        if not any(part.startswith(".") for part in name.split("/"))
+    ]
     for name, expected in files.items():
-        path = folder / name
-        if not path.is_file():
+        if name not in there:
             faults.append(f"{name}: missing")
-        elif digest(path) != expected:
+        elif digest(folder / name) != expected:
             faults.append(f"{name}: not the file that the manifest describes")
     return faults
 
 
-def _row_groups(folder: Path, split: str) -> Iterator[list[Row]]:
+def _row_groups(folder: Path, split: str) -> Iterator[pa.Table]:
     paths = sorted((folder / "data").glob(f"{split.replace('-', '_')}-*.parquet"))
     if not paths:
         raise ConfigError(f"{folder}: no Parquet files of the split {split}")
     for path in paths:
-        for batch in pq.ParquetFile(path).iter_batches(ROW_GROUP, columns=COLUMNS):
-            yield batch.to_pylist()
+        for batch in pq.ParquetFile(path).iter_batches(ROW_GROUP):
+            yield pa.Table.from_batches([batch])
 
 
 class _Checker:
-    """Checks records against the oracle."""
+    """Checks records against the oracle and against what `run.toml` gives."""
 
     def __init__(self, folder: Path) -> None:
         text = (folder / "domain.pddl").read_text(encoding="utf-8")
-        self._domain = Domain.parse(text, str(folder / "domain.pddl"))
-        self._actions = [name for name, _ in self._domain.actions]
-        self._constants = len(self._domain.constants)
-        self._names: dict[int, list[str]] = {}
-        table = pq.read_table(folder / "problems.parquet")
-        self._problems = table["problem"].to_pylist()
-        self._hashes = table["canonical_hash"].to_pylist()
+        domain = Domain.parse(text, str(folder / "domain.pddl"))
+        self._domain = domain.name
+        self._constants = len(domain.constants)
+        self._table = pq.read_table(folder / "problems.parquet")
+        self._problems: list[Row] = self._table.to_pylist()
+        self._prover = Prover(domain, [row["problem"] for row in self._problems])
 
-    def check(self, split: str, rows: list[Row], found: Found) -> list[str]:
-        """The faults of the records; what they hold is added to `found`."""
-        problems = [self._problems[row["problem_id"]] for row in rows]
-        words = [dict(zip(row["words"], self._actions, strict=True)) for row in rows]
-        positives = judge(self._domain, problems, [self._slots(row, "completion") for row in rows], words)
-        negatives = judge(self._domain, problems, [self._slots(row, "negative") for row in rows], words)
-        faults = []
-        for row, positive, negative in zip(rows, positives, negatives, strict=True):
-            complaint = _complaint(row, positive, negative) or self._note(row, found)
-            if complaint:
-                faults.append(f"{split} {row['index']}: {complaint}")
+    def problem_faults(self, stream: RecordStream | None) -> list[str]:
+        """What is wrong with the problems: hashes and sizes computed anew, isomorphic ones, other than made."""
+        faults, seen = [], set()
+        hashes = self._prover.hashes([row["goal_style"] == "state" for row in self._problems])
+        for number, (row, (code, objects)) in enumerate(zip(self._problems, hashes, strict=True)):
+            if (row["problem_id"], row["domain"]) != (number, self._domain):
+                faults.append(f"problem {number}: another `problem_id` or `domain` is recorded")
+            if (row["canonical_hash"], row["num_objects"]) != (code, objects):
+                faults.append(f"problem {number}: the canonical hash is {code}, of {objects} objects, not as recorded")
+            if code in seen:
+                faults.append(f"problem {number}: isomorphic to an earlier one")
+            seen.add(code)
+        if stream is not None:
+            faults += _differing("problems", 0, self._table, table(stream.problems()))
         return faults
 
-    def _slots(self, row: Row, column: str) -> str:
-        """The completion with the problem's own names: one problem is grounded once for all its records."""
-        slots = dict(zip(row["names"], self._objects(row["problem_id"]), strict=True))
-        return NAME.sub(lambda match: slots.get(match.group(), match.group()), row[column])
+    def check(self, split: str, start: int, rows: pa.Table, found: Found, stream: RecordStream | None) -> list[str]:
+        """The faults of the records from `start` on; what they hold is added to `found`."""
+        listed: list[Row] = rows.to_pylist()
+        faults = []
+        for number, (row, fault) in enumerate(zip(listed, self._prover.check(listed), strict=True)):
+            complaint = fault or self._about_problem(row, start + number) or self._note(row, found)
+            if complaint:
+                faults.append(f"{split} {start + number}: {complaint}")
+        if stream is not None:
+            stop = min(start + len(listed), dict(stream.splits).get(split, 0))
+            faults += _differing(split, start, rows, table(stream.batch(split, min(start, stop), stop)))
+        return faults
 
-    def _objects(self, problem_id: int) -> list[str]:
-        """The names that the problem itself gives its objects."""
-        if problem_id not in self._names:
-            problem = Problem.parse(self._problems[problem_id], self._domain)
-            self._names[problem_id] = [name for name, _ in problem.objects]
-        return self._names[problem_id]
+    def _about_problem(self, row: Row, index: int) -> str:
+        problem = self._problems[row["problem_id"]]
+        if row["index"] != index:
+            return f"its recorded index is {row['index']}"
+        if row["template"] != problem["template"]:
+            return "its template is not its problem's"
+        if row["goal_style"] != problem["goal_style"]:
+            return "its way of saying the goal is not its problem's"
+        if row["optimal_steps"] != problem["shortest"] or row["steps"] < row["optimal_steps"]:
+            return "the recorded numbers of steps do not fit its problem"
+        return ""
 
     def _note(self, row: Row, found: Found) -> str:
-        text = hashlib.sha256(f"{row['prompt']}\0{row['completion']}".encode()).digest()[:16]
+        text = hash((row["prompt"], row["completion"], row["negative"]))
         if text in found.texts:
             return "the same record is there twice"
+        problem = self._problems[row["problem_id"]]
         found.texts.add(text)
         found.names.update(row["names"][self._constants :])
         found.words.update(row["words"])
-        found.problems.add(self._hashes[row["problem_id"]])
+        found.problems.add(problem["canonical_hash"])
+        found.templates.add(problem["template"])
+        found.sizes.add(problem["num_objects"])
+        found.lengths.add(row["optimal_steps"])
+        found.steps.add(row["steps"])
         return ""
 
 
-def _complaint(row: Row, positive: Judgement, negative: Judgement) -> str:
-    """What is wrong with the record, or nothing."""
-    if not (positive.verdict.is_valid and positive.finished):
-        return f"the positive is not valid: {positive.verdict.reason}"
-    if positive.states_right != positive.states_total:
-        return f"the positive's state after step {positive.first_wrong_state} is wrong"
-    if row["steps"] != positive.steps or row["optimal_steps"] > positive.steps:
-        return "the recorded numbers of steps are wrong"
-    verdict, step = negative.verdict.outcome, negative.verdict.step
-    if verdict == "valid" and negative.first_wrong_state is not None:
-        verdict, step = "wrong_state", negative.first_wrong_state
-    if (verdict, step) != (row["negative_verdict"], row["negative_step"]):
-        return f"the negative is {verdict} at step {step}, not {row['negative_verdict']} at {row['negative_step']}"
-    return ""
-
-
-def _shared(found: dict[str, Found]) -> list[str]:
-    """What a suite shares with training although it holds it out, and records that are in two splits."""
-    trained, faults = found["train"], []
-    for split, held_out in HELD_OUT.items():
-        if split in found:
-            shared = getattr(trained, held_out) & getattr(found[split], held_out)
-            faults += [f"{split}: shares {held_out[:-1]} {item} with train" for item in sorted(shared)[:3]]
-    for split, records in found.items():
-        if split != "train" and trained.texts & records.texts:
-            faults.append(f"{split}: {len(trained.texts & records.texts)} records are in train as well")
+def _differing(where: str, start: int, rows: pa.Table, made: pa.Table) -> list[str]:
+    """The first cell of each column that is not what was made."""
+    if rows.column_names != made.column_names or rows.num_rows != made.num_rows:
+        return [f"{where} {start}: other columns, or another number of rows, than run.toml gives"]
+    faults = []
+    for name in made.column_names:
+        ours, theirs = rows[name].combine_chunks(), made[name].combine_chunks()
+        if not ours.cast(theirs.type).equals(theirs):
+            pairs = zip(ours.to_pylist(), theirs.to_pylist(), strict=True)
+            row = next(number for number, (one, other) in enumerate(pairs) if one != other)
+            faults.append(f"{where} {start + row}: `{name}` is not what run.toml gives")
     return faults

@@ -6,7 +6,6 @@ Run again on the same folder, it goes on where it stopped; the result has the sa
 from __future__ import annotations
 
 import dataclasses
-import glob
 import sys
 import time
 from pathlib import Path
@@ -25,7 +24,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="the data set's folder")
     parser.add_argument("--domain", metavar="NAME|DIR|FILE", help="a built-in domain, a folder like one, a PDDL file")
     parser.add_argument(
-        "--problems", metavar="GLOB", action="append", default=[], help="problems to draw initial states from"
+        "--problems", metavar="GLOB", nargs="+", action="extend", default=[], help="problems of your own"
+    )
+    parser.add_argument(
+        "--random-goals",
+        action="store_true",
+        default=None,
+        help="draw goals from states within reach of --problems, too",
     )
     parser.add_argument("--pairs", metavar="N", type=positive, help="records of training and validation together")
     parser.add_argument("--max-steps", metavar="T", type=positive, help="the longest plan (default 7)")
@@ -43,17 +48,17 @@ def run(args: argparse.Namespace) -> int:
     config = _config(args)
     sources = read_sources(config.data.domain, config.data.problems)
     progress = Progress()
-    wrote = write_data_set(args.out, config, sources, jobs=args.jobs, tick=progress.tick)
-    progress.finish(f"{args.out}: {'written' if wrote else 'is finished already'}")
+    wrote = write_data_set(args.out, config, sources, jobs=args.jobs, tick=progress.tick, warn=progress.say)
+    progress.say(f"{args.out}: {'written' if wrote else 'is finished already'}")
     return 0
 
 
 def _config(args: argparse.Namespace) -> RunConfig:
     """The configuration, with the arguments that have a field of their own put on top."""
     config = read_config(args)
-    given = {name: getattr(args, name) for name in ("domain", "pairs", "max_steps", "format")}
+    given = {name: getattr(args, name) for name in ("domain", "pairs", "max_steps", "random_goals", "format")}
     if args.problems:
-        given["problems"] = tuple(sorted(path for pattern in args.problems for path in glob.glob(pattern)))  # noqa: PTH207
+        given["problems"] = tuple(args.problems)
     data = dataclasses.replace(config.data, **{name: value for name, value in given.items() if value is not None})
     seed = config.seed if args.seed is None else args.seed
     return dataclasses.replace(config, seed=seed, data=_fitting(data))
@@ -90,8 +95,8 @@ class Progress:
             f"[{'█' * filled}{'·' * (30 - filled)}] {done:,}/{total:,} records, {rate:,.0f}/s, {left:.0f} s left"
         )
 
-    def finish(self, line: str) -> None:
-        """Replaces the bar by a last line."""
+    def say(self, line: str) -> None:
+        """Writes a line that stays."""
         self._write("")
         sys.stderr.write(f"{line}\n")
 

@@ -29,7 +29,8 @@ def run(args: argparse.Namespace) -> int:
         print(fault)
     rate = 60 * result.records / max(time.monotonic() - start, 1e-3)
     verdict = "faults found" if result.faults else "all of it holds"
-    sys.stderr.write(f"{args.data}: {result.records:,} records checked, {rate:,.0f} a minute: {verdict}\n")
+    again = "" if result.made_again else " (made by another version: not compared with what run.toml gives)"
+    sys.stderr.write(f"{args.data}: {result.records:,} records checked, {rate:,.0f} a minute: {verdict}{again}\n")
     return 1 if result.faults else 0
 
 

@@ -40,7 +40,9 @@ class DataConfig:
     domain: str = "manipulation"
     """A built-in domain's name, or a folder with the same files."""
     problems: tuple[str, ...] = ()
-    """PDDL problems whose initial states random goals start from, where the domain's folder has no `random.pddl`."""
+    """PDDL problems of your own, used with their goals; `*`, `?` and `[…]` are expanded."""
+    random_goals: bool = False
+    """Whether goals are drawn, too, from states that random walks from `problems` reach: one gives thousands."""
     pairs: int = 71_128
     """Pairs of a plan and a negative, over training and validation."""
     validation_share: float = 1 / 6

@@ -10,6 +10,7 @@
 mod config;
 mod draw;
 mod exploration;
+mod given_problems;
 mod problems;
 mod random_problems;
 mod shape;
@@ -21,6 +22,7 @@ mod template_problems;
 mod tests;
 
 pub use config::{ConfigMistake, PlanChoice, RecordConfig};
+pub(crate) use shape::structure as structure_of;
 pub use shape::{Shape, Source as ShapeSource};
 pub use splits::Split;
 pub use stream::{DomainFiles, RecordError, RecordStream};

@@ -11,6 +11,7 @@ mod operators;
 mod pddl;
 mod plan_set;
 mod prompt;
+mod proof;
 mod record;
 mod state_graph;
 mod task;
@@ -35,6 +36,8 @@ mod _native {
     use crate::plan_set::{PlanIterator, PlanSet, Plans};
     #[pymodule_export]
     use crate::prompt::render_prompt;
+    #[pymodule_export]
+    use crate::proof::Prover;
     #[pymodule_export]
     use crate::record::RecordStream;
     #[pymodule_export]

@@ -67,6 +67,12 @@ impl RecordStream {
         self.core.splits().into_iter().map(|(split, records)| (split.name(), records)).collect()
     }
 
+    /// A line for each given problem whose own goal gives no records, with its file.
+    #[getter]
+    fn left_out(&self) -> Vec<String> {
+        self.core.left_out().to_vec()
+    }
+
     /// The records `start..stop` of a split, as columns.
     ///
     /// A column of numbers is an array, one of texts is `(offsets, bytes)`, one of lists `(offsets, (offsets, bytes))`.

@@ -40,6 +40,8 @@ pub struct RecordConfig {
     pub problems_per_template: usize,
     /// Random problems for training; about that many, as isomorphic ones count once.
     pub random_problems: usize,
+    /// Whether given problems are where random goals start from, beside being problems themselves.
+    pub random_goals: bool,
     /// Goals drawn from each random initial state.
     pub goals_per_state: usize,
     /// Most states explored from each random initial state.

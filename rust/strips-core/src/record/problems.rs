@@ -34,10 +34,16 @@ pub(super) fn open_task(workshop: &Workshop, mut problem: Problem) -> Result<Tas
 /// States in one layer of an exploration, and their distance: what a goal is reached by.
 pub(super) type Ends<'e> = (&'e Exploration, usize, &'e [usize]);
 
-/// The nearest states that satisfy the goal, if it takes at least one step and no more than allowed.
-pub(super) fn goal_states(config: &RecordConfig, task: &Task, goal: &Goal) -> Option<(Exploration, usize, Vec<usize>)> {
+/// The nearest states that satisfy the goal, if it takes at least one step, no more than allowed, and no more than about
+/// `most` states to find them.
+pub(super) fn goal_states(
+    config: &RecordConfig,
+    most: usize,
+    task: &Task,
+    goal: &Goal,
+) -> Option<(Exploration, usize, Vec<usize>)> {
     let reached = |state: &crate::task::State| goal.holds(task, state);
-    let exploration = Exploration::new(task, config.max_steps, usize::MAX, reached);
+    let exploration = Exploration::new(task, config.max_steps, most, reached);
     let (shortest, states) = exploration.nearest(reached)?;
     (shortest > 0).then_some((exploration, shortest, states))
 }

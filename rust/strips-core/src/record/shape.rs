@@ -13,6 +13,8 @@ use crate::text::GoalStyle;
 pub enum Source {
     /// The template with this number.
     Template(usize),
+    /// A problem that was given, with its own goal.
+    Given,
     /// The random generator.
     Random,
 }
@@ -65,8 +67,9 @@ pub(super) fn hash_of(task: &Task, goal: &Goal) -> u128 {
     canonical_hash(&structure(task, goal))
 }
 
-fn structure(task: &Task, goal: &Goal) -> Structure {
-    let constants = task.domain.constants.len();
+/// What an isomorphism of problems must keep: each object's types, each atom of the initial state and of the goal.
+pub(crate) fn structure(task: &Task, goal: &Goal) -> Structure {
+    let constants = task.domain.constants.len() + task.domain.pending.len();
     let types = task.domain.types.len() as u32;
     // A constant is itself, whatever it is called elsewhere; other objects are what their types make them.
     let colour = |(id, object): (usize, &crate::pddl::ast::Object)| {
@@ -74,6 +77,11 @@ fn structure(task: &Task, goal: &Goal) -> Structure {
     };
     let colours = task.problem.objects.iter().enumerate().map(colour).collect();
     let mut tuples: Vec<(u32, Vec<u32>)> = task.problem.init.iter().map(|fact| tuple(fact, 0)).collect();
+    // An object of several types has the first for its colour and each other one as a property.
+    let first_label = 4 * task.domain.predicates.len() as u32;
+    for (id, object) in task.problem.objects.iter().enumerate() {
+        tuples.extend(object.types[1..].iter().map(|kind| (first_label + kind.0, vec![id as u32])));
+    }
     match goal {
         Goal::State(state) => tuples.extend(task.atoms(state).iter().map(|fact| tuple(fact, 1))),
         Goal::Literals(literals) => {

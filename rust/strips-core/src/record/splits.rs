@@ -107,6 +107,8 @@ pub(super) struct Pool {
 pub(super) struct Solved {
     /// By template.
     pub templates: Vec<Vec<Shape>>,
+    /// Given with their goals.
+    pub given: Vec<Shape>,
     pub random: Vec<Shape>,
     pub more_objects: Vec<Shape>,
     pub longer: Vec<Shape>,
@@ -119,7 +121,8 @@ impl Pools {
         let (out, kept): (Vec<_>, Vec<_>) =
             solved.templates.into_iter().enumerate().partition(|(number, _)| held_out.contains(number));
         let unseen_template = sorter.add(out.into_iter().flat_map(|(_, shapes)| shapes));
-        let candidates = sorter.add(kept.into_iter().flat_map(|(_, shapes)| shapes).chain(solved.random));
+        let kept = kept.into_iter().flat_map(|(_, shapes)| shapes);
+        let candidates = sorter.add(kept.chain(solved.given).chain(solved.random));
         let more_objects = sorter.add(solved.more_objects);
         let longer = sorter.add(solved.longer);
         sorter.finish(&candidates, [unseen_template, more_objects, longer])
@@ -169,6 +172,9 @@ impl<'c> Sorter<'c> {
             let place = (self.shapes[*id as usize].family >> 64) as u64 as f64 / u64::MAX as f64;
             bands.iter().position(|&end| place < end).unwrap_or(bands.len())
         };
+        // Where there are too few problems to hold some out, all of them are trained.
+        let few = candidates.iter().all(|id| band(id) < bands.len());
+        let band = |id: &u32| if few { bands.len() } else { band(id) };
         let chosen = |wanted| candidates.iter().copied().filter(|id| band(id) == wanted).collect::<Vec<u32>>();
         let pool = |ids: Vec<u32>| Pool::new(&ids, &self.shapes, self.config.template_share);
         let pools = [pool(chosen(0)), pool(chosen(1)), pool(chosen(2)), pool(template), pool(objects), pool(longer)];
@@ -203,6 +209,8 @@ impl Pool {
 fn key(shape: &Shape) -> Option<usize> {
     match shape.source {
         Source::Template(number) => Some(number),
+        // Given problems are one group, which comes after the templates.
+        Source::Given => Some(usize::MAX),
         Source::Random => None,
     }
 }

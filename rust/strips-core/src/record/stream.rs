@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::config::{ConfigMistake, RecordConfig};
 use super::draw::Book;
+use super::given_problems::{self, Given};
 use super::problems::Workshop;
 use super::random_problems::{self, Start, Wanted};
 use super::shape::Shape;
@@ -14,8 +15,8 @@ use super::splits::{Pools, Solved, Split};
 use super::table::{Batch, ProblemTable, template_name};
 use super::template_problems;
 use crate::augment::{Lexicon, LexiconError, Template, read_template};
-use crate::pddl::ast::{Domain, Problem};
-use crate::pddl::{PddlError, Source, parse_domain, parse_problem};
+use crate::pddl::ast::Domain;
+use crate::pddl::{PddlError, Source, parse_domain};
 use crate::task::{LimitError, Limits};
 
 /// Records that one thread makes at a time.
@@ -38,7 +39,7 @@ pub struct DomainFiles {
     pub templates: Vec<Source>,
     /// `random.pddl`.
     pub random: Option<Source>,
-    /// Problems whose initial states random goals start from, where there is no `random.pddl`.
+    /// Problems that are used with their own goals, and from whose initial states random goals start where asked.
     pub problems: Vec<Source>,
 }
 
@@ -54,6 +55,14 @@ pub enum RecordError {
     /// The configuration is wrong.
     #[error("{0}")]
     Config(#[from] ConfigMistake),
+    /// A given problem's goal cannot be said in a prompt.
+    #[error(
+        "{file}: the goal is no conjunction of literals, which a prompt needs\nhint: `--random-goals` draws goals that are"
+    )]
+    Goal {
+        /// The problem's file.
+        file: String,
+    },
     /// A budget was spent.
     #[error("{0}")]
     Limit(#[from] LimitError),
@@ -70,12 +79,14 @@ struct Parts {
     domain: Arc<Domain>,
     lexicon: Lexicon,
     templates: Vec<Template>,
+    given: Vec<Given>,
     start: Option<Start>,
 }
 
 /// All records of a data set, made on demand.
 pub struct RecordStream {
     book: Book,
+    left_out: Vec<String>,
 }
 
 impl RecordStream {
@@ -85,16 +96,23 @@ impl RecordStream {
     /// The first mistake in a file or the configuration, or a limit.
     pub fn new(files: &DomainFiles, config: RecordConfig, limits: Limits) -> Result<Self, RecordError> {
         config.check()?;
-        let parts = read(files)?;
+        let parts = read(files, config.random_goals)?;
         let held_out = held_out(&parts.templates, &config)?;
         let workshop = Workshop { domain: parts.domain.clone(), config: &config, limits };
-        let solved = solve(&workshop, &parts)?;
+        let (given, left_out) = given_problems::shapes(&workshop, &parts.given)?;
+        let solved = solve(&workshop, &parts, given)?;
         let pools = Pools::new(solved, &held_out, &config);
         if pools.of(Split::Train).groups.is_empty() {
             return Err(RecordError::NoProblems { domain: parts.domain.name.clone() });
         }
         let templates = parts.templates.iter().map(|template| template.name.clone()).collect();
-        Ok(Self { book: Book { domain: parts.domain, lexicon: parts.lexicon, templates, pools, config } })
+        let book = Book { domain: parts.domain, lexicon: parts.lexicon, templates, pools, config };
+        Ok(Self { book, left_out })
+    }
+
+    /// A line for each given problem whose own goal gives no records.
+    pub fn left_out(&self) -> &[String] {
+        &self.left_out
     }
 
     /// The splits that have records, and how many each has.
@@ -164,7 +182,7 @@ impl RecordStream {
     }
 }
 
-fn read(files: &DomainFiles) -> Result<Parts, RecordError> {
+fn read(files: &DomainFiles, random_goals: bool) -> Result<Parts, RecordError> {
     let domain = Arc::new(parse_domain(&files.domain)?);
     let lexicon = match &files.lexicon {
         Some(source) => Lexicon::read(source, &domain)?,
@@ -172,24 +190,16 @@ fn read(files: &DomainFiles) -> Result<Parts, RecordError> {
     };
     let template = |source: &Source| read_template(source, &domain);
     let templates = files.templates.iter().map(template).collect::<Result<Vec<_>, _>>()?;
-    let problem =
-        |source: &Source| parse_problem(source, &domain, Some(&files.domain)).map(|found| slots(&domain, found));
-    let problems = files.problems.iter().map(problem).collect::<Result<Vec<_>, _>>()?;
+    let problem = |source: &Source| Given::read(source, &domain, &files.domain);
+    let given = files.problems.iter().map(problem).collect::<Result<Vec<_>, _>>()?;
     let start = match &files.random {
+        _ if random_goals && !given.is_empty() => {
+            Some(Start::Problems(given.iter().map(|given| given.problem.clone()).collect()))
+        }
         Some(source) => Some(Start::Template(template(source)?)),
-        None if problems.is_empty() => None,
-        None => Some(Start::Problems(problems)),
+        None => None,
     };
-    Ok(Parts { domain, lexicon, templates, start })
-}
-
-/// The problem with its objects called by their slots, as all problems of a data set have them.
-fn slots(domain: &Domain, mut problem: Problem) -> Problem {
-    let fixed = domain.constants.len() + domain.pending.len();
-    for (slot, object) in problem.objects[fixed..].iter_mut().enumerate() {
-        object.name = format!("o{slot}");
-    }
-    problem
+    Ok(Parts { domain, lexicon, templates, given, start })
 }
 
 fn held_out(templates: &[Template], config: &RecordConfig) -> Result<Vec<usize>, ConfigMistake> {
@@ -200,11 +210,11 @@ fn held_out(templates: &[Template], config: &RecordConfig) -> Result<Vec<usize>,
     config.held_out_templates.iter().map(number).collect()
 }
 
-fn solve(workshop: &Workshop, parts: &Parts) -> Result<Solved, RecordError> {
+fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved, RecordError> {
     let config = workshop.config;
     let template = |(number, template): (usize, &Template)| template_problems::shapes(workshop, number, template);
     let templates = parts.templates.iter().enumerate().map(template).collect::<Result<Vec<_>, _>>()?;
-    let mut solved = Solved { templates, random: Vec::new(), more_objects: Vec::new(), longer: Vec::new() };
+    let mut solved = Solved { templates, given, random: Vec::new(), more_objects: Vec::new(), longer: Vec::new() };
     let Some(start) = &parts.start else { return Ok(solved) };
     let trained = Wanted {
         purpose: "random problem",

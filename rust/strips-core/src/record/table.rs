@@ -194,6 +194,7 @@ pub(super) fn count(number: usize) -> i32 {
 pub(super) fn template_name(source: Source, names: &[String]) -> &str {
     match source {
         Source::Template(number) => &names[number],
+        Source::Given => "given",
         Source::Random => "random",
     }
 }

@@ -30,7 +30,7 @@ pub(super) fn shapes(workshop: &Workshop, number: usize, template: &Template) ->
     let solve = |(task, goal, hash): (Task, Goal, u128)| {
         solve(
             workshop.config,
-            Source::Template(number),
+            (Source::Template(number), usize::MAX),
             &Arc::new(task),
             &goal,
             hash,
@@ -79,16 +79,17 @@ fn literal(part: &Condition) -> (Fact, bool) {
     }
 }
 
-/// The problem itself and, for some of the states its plans end in, the problem of reaching exactly that state.
-fn solve(
+/// The problem itself and, for some of the states its plans end in, the problem of reaching exactly that state; none where
+/// about `most` states do not lead to the goal.
+pub(super) fn solve(
     config: &RecordConfig,
-    source: Source,
+    (source, most): (Source, usize),
     task: &Arc<Task>,
     goal: &Goal,
     family: u128,
     mut random: Random,
 ) -> Vec<Shape> {
-    let ends = super::problems::goal_states(config, task, goal);
+    let ends = super::problems::goal_states(config, most, task, goal);
     let Some((exploration, shortest, mut states)) = ends else { return Vec::new() };
     let shape = |goal: Goal, states: &[usize], random: &mut Random| {
         let hash = hash_of(task, &goal);

@@ -41,6 +41,7 @@ pub(super) fn config() -> RecordConfig {
         suite_records: 60,
         max_steps: 7,
         plans: PlanChoice::Shortest,
+        random_goals: false,
         plans_per_problem: 16,
         problems_per_template: 12,
         random_problems: 60,

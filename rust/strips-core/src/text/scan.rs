@@ -1,7 +1,7 @@
 //! Reading atoms off a text, from left to right and without copying.
 
 /// An atom as it stands in a text: a name and the names of its arguments.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TextAtom<'a> {
     /// Predicate or action word.
     pub name: &'a str,
