@@ -7,7 +7,6 @@ among them, of prompts' numbers to guide the model.
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
@@ -29,6 +28,7 @@ from strips_lm.forward import hidden_at
 from strips_lm.guide import OracleGuide
 from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.model import checkpoint_folder, load_model
+from strips_lm.processor import usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -108,7 +108,7 @@ class Planner:
     def __init__(self, model: Any, tokenizer: PlanTokenizer, config: GenerateConfig, seed: int = 0) -> None:
         """Both as they are; `seed` decides what `sample` draws."""
         self.model, self.tokenizer, self.config, self.seed = model, tokenizer, config, seed
-        self.workers = config.workers or (1 if model.device.type != "cpu" else max(1, len(os.sched_getaffinity(0))))
+        self.workers = config.workers or (1 if model.device.type != "cpu" else usable_cores())
 
     @classmethod
     def load(cls, folder: str | Path, config: GenerateConfig, seed: int = 0, device: str | None = None) -> Self:

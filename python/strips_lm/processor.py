@@ -1,7 +1,8 @@
-"""What the processor can do natively, as far as the choice of a number type needs it."""
+"""What the processor has: cores for this process, and instructions for number types."""
 
 from __future__ import annotations
 
+import os
 import platform
 from functools import cache
 
@@ -20,3 +21,9 @@ def multiplies_bfloat16(device: torch.device) -> bool:
     if platform.machine().lower() in {"x86_64", "amd64"}:
         return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())  # noqa: SLF001
     return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())  # noqa: SLF001  (torch has no public name)
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on, at least 1; where the system does not tell, all that there are."""
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux alone has it before Python 3.13
+    return max(1, len(affinity(0)) if affinity else os.cpu_count() or 1)
