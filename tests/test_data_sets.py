@@ -252,6 +252,16 @@ def lamps(folder: Path, name: str, goal: str) -> Path:
     return path
 
 
+def test_objects_that_a_domain_leaves_to_its_problems_are_not_names_that_suites_hold_out(tmp_path: Path) -> None:
+    relight = " (:action relight :parameters () :precondition (lit d) :effect (and (lit a) (not (lit d)))))"
+    (tmp_path / "domain.pddl").write_text(LAMPS[:-1] + relight)
+    lamps(tmp_path, "p.pddl", "(lit d)")
+    out, given = tmp_path / "out", [f"--domain={tmp_path / 'domain.pddl'}", f"--problems={tmp_path / 'p.pddl'}"]
+    assert main(["gen-data", f"--out={out}", *given, "--random-goals", *SMALL]) == 0
+    assert list((out / "data").glob("unseen_made_up_names-*"))
+    assert main(["verify-data", str(out)]) == 0
+
+
 def test_own_problems_are_used_with_their_goals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "domain.pddl").write_text(LAMPS)
     lamps(tmp_path, "p1.pddl", "(and (lit b) (lit c))")

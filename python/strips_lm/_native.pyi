@@ -83,6 +83,9 @@ class Domain:
     def constants(self) -> list[tuple[str, str]]:
         """Every constant with its type."""
     @property
+    def pending(self) -> list[str]:
+        """Objects that the domain uses but leaves to problems to declare; they come right after the constants."""
+    @property
     def predicates(self) -> list[tuple[str, list[str]]]:
         """Every predicate with its parameters' types."""
     @property

@@ -119,7 +119,7 @@ class _Checker:
         text = (folder / "domain.pddl").read_text(encoding="utf-8")
         domain = Domain.parse(text, str(folder / "domain.pddl"))
         self._domain = domain.name
-        self._constants = len(domain.constants)
+        self._fixed = len(domain.constants) + len(domain.pending)
         self._table = pq.read_table(folder / "problems.parquet")
         self._problems: list[Row] = self._table.to_pylist()
         self._prover = Prover(domain, [row["problem"] for row in self._problems])
@@ -171,7 +171,7 @@ class _Checker:
             return "the same record is there twice"
         problem = self._problems[row["problem_id"]]
         found.texts.add(text)
-        found.names.update(row["names"][self._constants :])
+        found.names.update(row["names"][self._fixed :])
         found.words.update(row["words"])
         found.problems.add(problem["canonical_hash"])
         found.templates.add(problem["template"])

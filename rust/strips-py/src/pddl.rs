@@ -66,6 +66,12 @@ impl Domain {
         self.ast.constants.iter().map(|object| (object.name.as_str(), type_of(&self.ast, &object.types))).collect()
     }
 
+    /// Objects that the domain uses but leaves to problems to declare.
+    #[getter]
+    fn pending(&self) -> Vec<&str> {
+        self.ast.pending.iter().map(|object| object.name.as_str()).collect()
+    }
+
     /// Every predicate with its parameters' types.
     #[getter]
     fn predicates(&self) -> Vec<(&str, Vec<String>)> {
