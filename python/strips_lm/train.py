@@ -25,6 +25,7 @@ from strips_lm.loss import weighted
 from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
 from strips_lm.objective import Objective, compute_type, measure, validation_step
+from strips_lm.own_negatives import with_negatives
 from strips_lm.threads import choose_threads
 from strips_lm.watch import Clock, Signals, Watch
 
@@ -338,4 +339,6 @@ def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[Plan
     """The training and the validation split."""
     context, room = config.model.context, config.train.position_offset
     training = open_split(data, "train", tokenizer, context, room)
+    if config.train.own_negatives:
+        training = with_negatives(training, config.train.own_negatives, tokenizer, context - room)
     return training, open_split(data, "validation", tokenizer, context)

@@ -194,6 +194,8 @@ class TrainConfig:
     """Share of the records that bring their negative along for the multiple-choice loss."""
     mc_start: float = 0.0
     """Share of the run after which negatives come along."""
+    own_negatives: str = ""
+    """A model's own wrong samples, written by `strips-lm sample-negatives`, in place of their records' negatives."""
     position_offset: int = 0
     """Each record starts at a random position of 0 to this, so that plans longer than the training's are no news."""
     renumber_slots: bool = True

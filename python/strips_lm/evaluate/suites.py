@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     *("prompt", "completion", "negative", "negative_kind", "plan", "problem_id"),
-    *("names", "words", "optimal_steps", "plan_count"),
+    *("names", "words", "optimal_steps", "plan_count", "index"),
 )
 
 
@@ -39,6 +39,8 @@ class Item:
     words: list[str]
     optimal_steps: int
     plan_count: int
+    index: int = -1
+    """The record's index in the data set; -1 for what is no record."""
 
 
 class DataFolder:
