@@ -17,6 +17,7 @@ import time
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from naive import NaiveTask, tasks
 from strips_lm import Domain, LimitError, PddlError, Problem, Task
@@ -50,6 +51,20 @@ def test_plan_sets_equal_those_of_the_naive_enumerator(naive):
         found = list(plans)
         assert set(found) == naive.plans(3, semantics)
         assert len(found) == len(set(found)) == plans.count() == sum(plans.counts())
+
+
+BOUNDS = st.none() | st.integers(-12, 12)
+"""The parts of a slice; its step is not 0."""
+
+
+@settings(MANY, max_examples=50)
+@given(tasks(), st.builds(slice, BOUNDS, BOUNDS, BOUNDS.filter(lambda step: step != 0)))
+def test_a_slice_selects_what_it_selects_of_a_list(naive, part):
+    plans = grounded(naive).plan_set(2, "any")
+    found = list(plans)
+    assert list(plans[part]) == found[part]
+    assert list(plans[:][part]) == found[part]
+    assert plans[part].text() == plans[:][part].text()
 
 
 @settings(MANY, max_examples=50)

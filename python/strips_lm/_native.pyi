@@ -308,7 +308,10 @@ class Plans:
     def offsets(self) -> NDArray[np.int64]:
         """Where each plan begins, and where the last one ends; read-only."""
     def __len__(self) -> int: ...
+    @overload
     def __getitem__(self, index: int, /) -> _Plan: ...
+    @overload
+    def __getitem__(self, index: slice, /) -> Plans: ...
     def text(self) -> str:
         """The plans in IPC form, a block each, blocks separated by a blank line."""
 

@@ -4,6 +4,9 @@ It reads the weights of a transformers GPT-2 (any of its heads) and runs them as
 static cache. Rows are aligned to the left and padded to the right: a row's tokens always sit at positions 0, 1, 2, …,
 so padding is never attended to and needs no correction. One call, `feed`, is prefill, step and chunk alike.
 
+Only attention sees padding: all other layers run over the real tokens alone, and the last layer, once its keys are
+written, over each row's last token.
+
 Price: one step costs O(rows × positions × width) for the attention, whatever the padding; the cache holds
 2 × layers × rows × positions × width numbers. It knows no text, no sampling and no stopping.
 """
@@ -58,6 +61,47 @@ def _read_layer(block: Any, index: int, config: Any) -> Layer:
         narrow=_pair(block.mlp.c_proj),
         scale=scale,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Where the tokens of one call go: `n` rows of up to `m` tokens each, `t` in all."""
+
+    first: int
+    """The first of the rows."""
+    at: Tensor
+    """(n, m) the position of each token and of the padding after it."""
+    real: Tensor
+    """(n, m) which of them are tokens."""
+    rows: Tensor
+    """(t) the row of each token."""
+    places: Tensor
+    """(t) the position of each token."""
+    top: int
+    """One more than the last position."""
+
+    @classmethod
+    def of(cls, start: Tensor, first: int, counts: Tensor, width: int) -> Chunk:
+        """The chunk of `counts` (n) tokens for the rows from `first` on, which hold `start` (n) tokens already."""
+        steps = torch.arange(width, device=start.device)
+        at, real = start[:, None] + steps, steps < counts[:, None]
+        rows = torch.arange(first, first + len(start), device=start.device)[:, None].expand_as(at)
+        return cls(first, at, real, rows[real], at[real], int((start + counts).max()))
+
+    def mask(self, like: Tensor) -> Tensor:
+        """(n, 1, m, top), added to the scores: minus infinity for positions later than the asking token's, else 0."""
+        later = torch.arange(self.top, device=like.device) > self.at[:, None, :, None]
+        return torch.zeros(later.shape, dtype=like.dtype, device=like.device).masked_fill_(later, -torch.inf)
+
+    def spread(self, values: Tensor) -> Tensor:
+        """(t, …) as (n, m, …), zero where there is padding."""
+        if self.real.shape[1] == 1:
+            return values[:, None]
+        return values.new_zeros(*self.real.shape, *values.shape[1:]).index_put((self.real,), values)
+
+    def gather(self, values: Tensor) -> Tensor:
+        """(n, m, …) without the padding, as (t, …)."""
+        return values[:, 0] if self.real.shape[1] == 1 else values[self.real]
 
 
 class Gpt2Decoder:
@@ -119,54 +163,46 @@ class Gpt2Decoder:
         """Append tokens to the rows from `first` on, and give the logits after the last token of each.
 
         `ids` is (n, m), padded to the right; `counts` (n) says how many of the m are real, at least one each. The
-        result is (n, vocabulary). Padding is written past a row's end, where the next tokens overwrite it.
+        result is (n, vocabulary). Only attention sees the padding.
         """
-        n, m = ids.shape
-        start = self.lengths[first : first + n]
-        top = int(start.max()) + m
-        self._reserve(top)
-        at = start[:, None] + torch.arange(m, device=ids.device)
-        hidden = F.embedding(ids, self.tokens) + F.embedding(at.clamp(max=self.context - 1), self.places)
-        mask = self._mask(at, top, hidden)
-        rows = torch.arange(first, first + n, device=ids.device)
-        for i in range(len(self.layers)):
-            hidden = self._block(i, hidden, rows, at, mask)
-        self.lengths[first : first + n] += counts
-        last = hidden[torch.arange(n, device=ids.device), counts - 1]
+        chunk = Chunk.of(self.lengths[first : first + len(ids)], first, counts, ids.shape[1])
+        self._reserve(chunk.top)
+        places = F.embedding(chunk.places.clamp(max=self.context - 1), self.places)
+        hidden = F.embedding(chunk.gather(ids), self.tokens) + places
+        mask = chunk.mask(hidden)
+        for i in range(len(self.layers) - 1):
+            hidden = self._block(i, hidden, chunk, mask)
+        last = self._block(len(self.layers) - 1, hidden, chunk, mask, counts.cumsum(0) - 1)
+        self.lengths[first : first + len(ids)] += counts
         return F.linear(F.layer_norm(last, self.norm[0].shape, *self.norm, self.config.layer_norm_epsilon), self.head)
 
-    @staticmethod
-    def _mask(at: Tensor, top: int, like: Tensor) -> Tensor:
-        """What is added to the scores: minus infinity for every position later than the asking token's, else 0."""
-        later = torch.arange(top, device=at.device) > at[:, None, :, None]
-        return torch.zeros(later.shape, dtype=like.dtype, device=like.device).masked_fill_(later, -torch.inf)
-
-    def _block(self, index: int, hidden: Tensor, rows: Tensor, at: Tensor, mask: Tensor) -> Tensor:
-        """One transformer block: `hidden` is (n, m, width)."""
+    def _block(self, index: int, hidden: Tensor, chunk: Chunk, mask: Tensor, only: Tensor | None = None) -> Tensor:
+        """One transformer block over (t, width); after the attention, of the tokens `only` where those are given."""
         layer, eps = self.layers[index], self.config.layer_norm_epsilon
-        normed = F.layer_norm(hidden, layer.norm_1[0].shape, *layer.norm_1, eps)
-        hidden = _affine(self._attend(index, normed, rows, at, mask), layer.projection) + hidden
+        mixed = self._attend(index, F.layer_norm(hidden, layer.norm_1[0].shape, *layer.norm_1, eps), chunk, mask)
+        if only is not None and len(only) < len(hidden):
+            mixed, hidden = mixed[only], hidden[only]
+        hidden = _affine(mixed, layer.projection) + hidden
         normed = F.layer_norm(hidden, layer.norm_2[0].shape, *layer.norm_2, eps)
         return _affine(self.activation(_affine(normed, layer.widen)), layer.narrow) + hidden
 
-    def _attend(self, index: int, hidden: Tensor, rows: Tensor, at: Tensor, mask: Tensor) -> Tensor:
-        """Write the new keys and values, then attend to all that the mask lets through."""
-        n, m, width = hidden.shape
+    def _attend(self, index: int, hidden: Tensor, chunk: Chunk, mask: Tensor) -> Tensor:
+        """Write the new keys and values, then attend to all that the mask lets through: (t, width)."""
         layer, keys, values = self.layers[index], self.keys[index], self.values[index]
-        query, key, value = _affine(hidden, layer.attention).view(n, m, 3, keys.shape[1], -1).unbind(2)
-        keys[rows[:, None], :, at] = key
-        values[rows[:, None], :, at] = value
-        held = slice(int(rows[0]), int(rows[0]) + n), slice(None), slice(mask.shape[-1])
+        query, key, value = _affine(hidden, layer.attention).view(len(hidden), 3, keys.shape[1], -1).unbind(1)
+        keys[chunk.rows, :, chunk.places] = key
+        values[chunk.rows, :, chunk.places] = value
+        held = slice(chunk.first, chunk.first + len(chunk.real)), slice(None), slice(chunk.top)
         # Reading the cache is most of a step; the fused kernel reads it once and writes no scores.
-        asked = query.transpose(1, 2)
+        asked = chunk.spread(query).transpose(1, 2)
         mixed = F.scaled_dot_product_attention(asked, keys[held], values[held], attn_mask=mask, scale=layer.scale)
-        return mixed.transpose(1, 2).reshape(n, m, width)
+        return chunk.gather(mixed.transpose(1, 2)).flatten(1)
 
 
 def _affine(x: Tensor, weights: tuple[Tensor, Tensor]) -> Tensor:
-    """`x W + b` over the last axis, for the (in, out) layout of GPT-2's weights."""
+    """`x W + b` of (t, in), for the (in, out) layout of GPT-2's weights."""
     weight, bias = weights
-    return torch.addmm(bias, x.reshape(-1, weight.shape[0]), weight).view(*x.shape[:-1], weight.shape[1])
+    return torch.addmm(bias, x, weight)
 
 
 def _activation(name: str) -> Callable[[Tensor], Tensor]:

@@ -3,13 +3,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use num_bigint::{BigInt, BigUint};
+use num_bigint::{BigInt, BigUint, Sign};
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PySlice, PyTuple};
 use strips_core::search::{self, Plan, SampleError, Semantics};
-use strips_core::task::{Limits, OperatorId};
+use strips_core::task::{LimitError, Limits, OperatorId};
 
 use crate::interrupt;
 use crate::operators::{OperatorNames, Step};
@@ -38,12 +38,7 @@ impl PlanSet {
     }
 
     fn batch(&self, py: Python<'_>, plans: search::Plans) -> PyResult<Plans> {
-        let offsets: Vec<i64> = plans.offsets.into_iter().map(u64::cast_signed).collect();
-        let (operators, offsets) = (plans.operators.into_pyarray(py), offsets.into_pyarray(py));
-        operators.try_readwrite()?.make_nonwriteable();
-        offsets.try_readwrite()?.make_nonwriteable();
-        let (operators, offsets) = (operators.unbind(), offsets.unbind());
-        Ok(Plans { names: self.names.clone(), set: self.core.clone(), operators, offsets })
+        batch(py, &self.names, &self.core, plans)
     }
 
     fn flat(&self, py: Python<'_>, range: Range<BigUint>) -> PyResult<search::Plans> {
@@ -92,7 +87,14 @@ impl PlanSet {
 
     fn __getitem__<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         if let Ok(slice) = index.cast::<PySlice>() {
-            let plans = self.flat(py, range_of(slice, &self.core.count())?)?;
+            let plans = match Ranks::of(slice, &self.core.count())? {
+                Ranks { start, stop, step } if step == BigInt::from(1) => {
+                    self.flat(py, natural(start)..natural(stop))?
+                }
+                ranks => {
+                    interrupt::run(py, &Limits::default(), |limits| self.core.plans_at(&ranks.list(limits)?, limits))?
+                }
+            };
             return Ok(self.batch(py, plans)?.into_pyobject(py)?.into_any());
         }
         let rank = from_start(index.extract()?, &self.core.count());
@@ -212,6 +214,33 @@ impl Plans {
     fn arrays<'py>(&self, py: Python<'py>) -> PyResult<(PyReadonlyArray1<'py, u32>, PyReadonlyArray1<'py, i64>)> {
         Ok((self.operators.bind(py).try_readonly()?, self.offsets.bind(py).try_readonly()?))
     }
+
+    fn plan<'py>(&self, py: Python<'py>, index: isize) -> PyResult<Bound<'py, PyTuple>> {
+        let (operators, offsets) = self.arrays(py)?;
+        let (operators, offsets) = (operators.as_slice()?, offsets.as_slice()?);
+        let plan = if index < 0 { index + offsets.len().cast_signed() - 1 } else { index };
+        let bounds = usize::try_from(plan).ok().and_then(|plan| offsets.get(plan..=plan + 1));
+        let [start, end] = bounds.ok_or_else(|| PyIndexError::new_err("there are not as many plans"))? else {
+            unreachable!("two bounds were asked for")
+        };
+        self.names.plan(py, operators[place(*start)..place(*end)].iter().copied())
+    }
+
+    /// The plans of a slice, copied.
+    fn part(&self, py: Python<'_>, slice: &Bound<'_, PySlice>) -> PyResult<Self> {
+        let (operators, offsets) = self.arrays(py)?;
+        let (operators, offsets) = (operators.as_slice()?, offsets.as_slice()?);
+        let wanted = slice.indices(offsets.len().cast_signed() - 1)?;
+        let mut plans = search::Plans { operators: Vec::new(), offsets: vec![0] };
+        let mut plan = wanted.start;
+        for _ in 0..wanted.slicelength {
+            let at = plan.cast_unsigned();
+            plans.operators.extend(&operators[place(offsets[at])..place(offsets[at + 1])]);
+            plans.offsets.push(plans.operators.len() as u64);
+            plan += wanted.step;
+        }
+        batch(py, &self.names, &self.set, plans)
+    }
 }
 
 #[pymethods]
@@ -232,15 +261,11 @@ impl Plans {
         Ok(self.arrays(py)?.1.as_slice()?.len() - 1)
     }
 
-    fn __getitem__<'py>(&self, py: Python<'py>, index: isize) -> PyResult<Bound<'py, PyTuple>> {
-        let (operators, offsets) = self.arrays(py)?;
-        let (operators, offsets) = (operators.as_slice()?, offsets.as_slice()?);
-        let plan = if index < 0 { index + offsets.len().cast_signed() - 1 } else { index };
-        let bounds = usize::try_from(plan).ok().and_then(|plan| offsets.get(plan..=plan + 1));
-        let [start, end] = bounds.ok_or_else(|| PyIndexError::new_err("there are not as many plans"))? else {
-            unreachable!("two bounds were asked for")
-        };
-        self.names.plan(py, operators[place(*start)..place(*end)].iter().copied())
+    fn __getitem__<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        match index.cast::<PySlice>() {
+            Ok(slice) => Ok(self.part(py, slice)?.into_pyobject(py)?.into_any()),
+            Err(_) => Ok(self.plan(py, index.extract()?)?.into_any()),
+        }
     }
 
     /// The plans in IPC form, a block each, blocks separated by a blank line.
@@ -256,22 +281,71 @@ impl Plans {
     }
 }
 
+/// Plans of a set as read-only arrays.
+fn batch(
+    py: Python<'_>,
+    names: &Arc<OperatorNames>,
+    set: &Arc<search::PlanSet>,
+    plans: search::Plans,
+) -> PyResult<Plans> {
+    let offsets: Vec<i64> = plans.offsets.into_iter().map(u64::cast_signed).collect();
+    let (operators, offsets) = (plans.operators.into_pyarray(py), offsets.into_pyarray(py));
+    operators.try_readwrite()?.make_nonwriteable();
+    offsets.try_readwrite()?.make_nonwriteable();
+    let (operators, offsets) = (operators.unbind(), offsets.unbind());
+    Ok(Plans { names: names.clone(), set: set.clone(), operators, offsets })
+}
+
 fn place(offset: i64) -> usize {
     usize::try_from(offset).expect("offsets are made from lengths and cannot be written")
 }
 
-/// A slice of ranks; only steps of 1 are meant.
-fn range_of(slice: &Bound<'_, PySlice>, count: &BigUint) -> PyResult<Range<BigUint>> {
-    let bound = |name: &str, default: BigUint| -> PyResult<BigUint> {
-        let value: Option<BigInt> = slice.getattr(name)?.extract()?;
-        let clipped = |value| from_start(value, count).max(BigInt::ZERO).magnitude().min(count).clone();
-        Ok(value.map_or(default, clipped))
-    };
-    let step: Option<isize> = slice.getattr("step")?.extract()?;
-    if step.is_some_and(|step| step != 1) {
-        return Err(PyValueError::new_err("a slice of plans takes every one: its step is 1"));
+/// What a slice of any length selects, clipped to the set as Python clips to a sequence.
+struct Ranks {
+    start: BigInt,
+    stop: BigInt,
+    step: BigInt,
+}
+
+impl Ranks {
+    fn of(slice: &Bound<'_, PySlice>, count: &BigUint) -> PyResult<Self> {
+        let step: BigInt = slice.getattr("step")?.extract::<Option<BigInt>>()?.unwrap_or_else(|| BigInt::from(1));
+        if step.sign() == Sign::NoSign {
+            return Err(PyValueError::new_err("slice step cannot be zero"));
+        }
+        let count_signed = BigInt::from(count.clone());
+        let (first, end) = match step.sign() {
+            Sign::Minus => (BigInt::from(-1), count_signed - 1),
+            _ => (BigInt::ZERO, count_signed),
+        };
+        let bound = |name: &str, default: &BigInt| -> PyResult<BigInt> {
+            let value: Option<BigInt> = slice.getattr(name)?.extract()?;
+            Ok(value.map_or(default.clone(), |value| from_start(value, count).clamp(first.clone(), end.clone())))
+        };
+        let (from, to) = if step.sign() == Sign::Minus { (&end, &first) } else { (&first, &end) };
+        Ok(Self { start: bound("start", from)?, stop: bound("stop", to)?, step })
     }
-    Ok(bound("start", BigUint::ZERO)?..bound("stop", count.clone())?)
+
+    /// The ranks one by one.
+    fn list(&self, limits: &Limits) -> Result<Vec<BigUint>, LimitError> {
+        let watch = limits.start();
+        let up = self.step.sign() == Sign::Plus;
+        let (mut ranks, mut rank) = (Vec::new(), self.start.clone());
+        while if up { rank < self.stop } else { rank > self.stop } {
+            if ranks.len() % 4096 == 0 {
+                watch.check()?;
+                watch.bytes(ranks.len() * size_of::<BigUint>())?;
+            }
+            ranks.push(natural(rank.clone()));
+            rank += &self.step;
+        }
+        Ok(ranks)
+    }
+}
+
+/// A rank that is known not to be negative.
+fn natural(rank: BigInt) -> BigUint {
+    rank.max(BigInt::ZERO).magnitude().clone()
 }
 
 /// An index that may count from the end.

@@ -49,18 +49,30 @@ impl PlanSet {
             }
             ranks.push(if replace { below(&mut random, &plans) } else { deal(&mut random, &plans, draw, &mut moved) });
         }
-        Ok(self.plans_at(&ranks, &|| watch.check())?)
+        Ok(self.plans_checked(&ranks, &|| watch.check())?)
     }
 
-    /// The plans with these ranks, which must be below the count, in parallel.
-    fn plans_at(
+    /// The plans with these ranks, in their order, in parallel.
+    ///
+    /// # Errors
+    /// When the arrays would hold more bytes than `limits` allow, or the work is interrupted.
+    ///
+    /// # Panics
+    /// When a rank is not below the count.
+    pub fn plans_at(&self, ranks: &[BigUint], limits: &Limits) -> Result<Plans, LimitError> {
+        let watch = limits.start();
+        watch.bytes(ranks.len().saturating_mul(8 + 4 * self.horizon()))?;
+        self.plans_checked(ranks, &|| watch.check())
+    }
+
+    fn plans_checked(
         &self,
         ranks: &[BigUint],
         check: &(impl Fn() -> Result<(), LimitError> + Sync),
     ) -> Result<Plans, LimitError> {
         let some = |ranks: &[BigUint]| {
             check()?;
-            let plan = |rank: &BigUint| self.unrank(rank).expect("a draw is below the count");
+            let plan = |rank: &BigUint| self.unrank(rank).expect("ranks are below the count");
             Ok(ranks.iter().map(plan).collect())
         };
         let drawn: Vec<Vec<_>> = ranks.par_chunks(1024).map(some).collect::<Result<_, LimitError>>()?;
