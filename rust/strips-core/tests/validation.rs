@@ -100,6 +100,7 @@ fn agree(seed: u64, features: Features) {
             assert_evidence(&naive, &verdict, &atoms);
         }
         assert_eq!(verdict, validate(validator.task(), &text), "the fast and the slow way agree");
+        assert_eq!(validator.outcomes(&[&text], &Limits::default()), Ok(vec![verdict.outcome]));
         let shouted = validator.validate(&format!("; a comment\n{}", text.to_uppercase()));
         assert_eq!(verdict, Verdict { line: shouted.line.map(|line| line - 1), ..shouted }, "case does not matter");
         agree_on_ids(&validator, &plan, &verdict);
@@ -140,7 +141,9 @@ proptest! {
         let (domain, problem) = random_task(3, Features::STRIPS);
         let task = ground(domain, problem, &Limits::default()).expect("a small task");
         let validator = Validator::new(Arc::new(task));
-        prop_assert_eq!(validator.validate(&text), validate(validator.task(), &text));
+        let verdict = validate(validator.task(), &text);
+        prop_assert_eq!(validator.outcomes(&[&text], &Limits::default()), Ok(vec![verdict.outcome]));
+        prop_assert_eq!(validator.validate(&text), verdict);
     }
 }
 

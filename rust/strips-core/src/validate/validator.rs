@@ -67,9 +67,9 @@ impl Validator {
     /// # Errors
     /// As [`Self::validate_many`].
     pub fn outcomes<S: AsRef<str> + Sync>(&self, texts: &[S], limits: &Limits) -> Result<Vec<Outcome>, LimitError> {
-        let outcome = |text: &str| match self.usual(text) {
-            Some(_) => Outcome::Valid,
-            None => explain_text(&self.task, self.lookup(), text).outcome,
+        let outcome = |text: &str| {
+            let usual = self.usual_outcome(text);
+            usual.unwrap_or_else(|| explain_text(&self.task, self.lookup(), text).outcome)
         };
         in_time(texts.par_iter().with_min_len(64), |text| outcome(text.as_ref()), || Outcome::Valid, limits)
     }
@@ -104,12 +104,24 @@ impl Validator {
 
     /// Length and cost, if the text is a valid plan spelt the usual way; none also where that is not clear yet.
     fn usual(&self, text: &str) -> Option<(usize, f64)> {
+        let mut steps = self.steps(text);
+        let end = self.program.run(&self.task, &mut steps);
+        let cost = if steps.priced.is_some() { steps.cost } else { steps.count as f64 };
+        (end == End::Valid && steps.clear).then_some((steps.count, cost))
+    }
+
+    /// The outcome, if the whole text is spelt the usual way: what cannot be read counts before what cannot be applied.
+    fn usual_outcome(&self, text: &str) -> Option<Outcome> {
+        let mut steps = self.steps(text);
+        let end = self.program.run(&self.task, &mut steps);
+        steps.by_ref().for_each(drop);
+        steps.clear.then(|| outcome(end).0)
+    }
+
+    fn steps<'a>(&'a self, text: &'a str) -> UsualSteps<'a> {
         let index = self.index.get_or_init(|| OperatorIndex::new(&self.task));
         let priced = self.task.problem.minimizes_cost.then_some(&*self.task);
-        let mut steps = UsualSteps { text: text.as_bytes(), at: 0, index, priced, count: 0, cost: 0.0, clear: true };
-        let end = self.program.run(&self.task, &mut steps);
-        let cost = if priced.is_some() { steps.cost } else { steps.count as f64 };
-        (end == End::Valid && steps.clear).then_some((steps.count, cost))
+        UsualSteps { text: text.as_bytes(), at: 0, index, priced, count: 0, cost: 0.0, clear: true }
     }
 }
 
