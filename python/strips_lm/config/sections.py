@@ -59,14 +59,16 @@ class DataConfig:
     """Most plans of one problem; where there are more, as many are drawn uniformly."""
     problems_per_template: int = 400
     """Most problems of one template, the whole-state variants not counted."""
-    random_problems: int = 12_000
+    random_problems: int = 24_000
     """Random problems beside the templates'."""
     goals_per_state: int = 8
     """Goals drawn from each random initial state."""
     states_per_start: int = 3000
     """About how many states are explored from each random initial state."""
     template_share: float = 0.5
-    """Share of records from templates, evenly over them; the rest are random problems."""
+    """Share of a suite's records from templates, evenly over them; the rest are random problems."""
+    train_template_share: float = 0.15
+    """The same share for training and validation: templates are learnt long before random problems are."""
     state_goal_share: float = 0.5
     """Share of random problems whose goal is the whole final state; templates give both kinds unless it is 0 or 1."""
     paper_share: float = 0.0

@@ -46,8 +46,10 @@ pub struct RecordConfig {
     pub goals_per_state: usize,
     /// Most states explored from each random initial state.
     pub states_per_start: usize,
-    /// Share of records from templates, the rest being from random problems.
+    /// Share of a suite's records from templates, the rest being from random problems.
     pub template_share: f64,
+    /// The same share for training and validation.
+    pub train_template_share: f64,
     /// Share of problems whose goal is the whole final state.
     pub state_goal_share: f64,
     /// Share of records in the report's style.
@@ -116,10 +118,11 @@ impl RecordConfig {
         self.check_negatives()
     }
 
-    fn shares(&self) -> [(&'static str, f64); 8] {
+    fn shares(&self) -> [(&'static str, f64); 9] {
         [
             ("validation_share", self.validation_share),
             ("template_share", self.template_share),
+            ("train_template_share", self.train_template_share),
             ("state_goal_share", self.state_goal_share),
             ("paper_share", self.paper_share),
             ("words_share", self.words_share),

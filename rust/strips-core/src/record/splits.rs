@@ -89,6 +89,8 @@ impl Split {
 pub(super) struct Pools {
     pub shapes: Vec<Shape>,
     trained: Pool,
+    /// The trained problems in the proportions of suites.
+    tried: Pool,
     validation: Pool,
     unseen_shapes: Pool,
     unseen_template: Pool,
@@ -136,7 +138,8 @@ impl Pools {
             Split::UnseenTemplate => &self.unseen_template,
             Split::MoreObjects => &self.more_objects,
             Split::Longer => &self.longer,
-            _ => &self.trained,
+            Split::Train | Split::Validation => &self.trained,
+            _ => &self.tried,
         }
     }
 }
@@ -176,10 +179,12 @@ impl<'c> Sorter<'c> {
         let few = candidates.iter().all(|id| band(id) < bands.len());
         let band = |id: &u32| if few { bands.len() } else { band(id) };
         let chosen = |wanted| candidates.iter().copied().filter(|id| band(id) == wanted).collect::<Vec<u32>>();
-        let pool = |ids: Vec<u32>| Pool::new(&ids, &self.shapes, self.config.template_share);
-        let pools = [pool(chosen(0)), pool(chosen(1)), pool(chosen(2)), pool(template), pool(objects), pool(longer)];
-        let [unseen_shapes, validation, trained, unseen_template, more_objects, longer] = pools;
-        Pools { shapes: self.shapes, trained, validation, unseen_shapes, unseen_template, more_objects, longer }
+        let suite = |ids: Vec<u32>| Pool::new(&ids, &self.shapes, self.config.template_share);
+        let training = |ids: Vec<u32>| Pool::new(&ids, &self.shapes, self.config.train_template_share);
+        let [unseen_shapes, tried, unseen_template] = [chosen(0), chosen(2), template].map(suite);
+        let [validation, trained] = [chosen(1), chosen(2)].map(training);
+        let [more_objects, longer] = [objects, longer].map(suite);
+        Pools { shapes: self.shapes, trained, tried, validation, unseen_shapes, unseen_template, more_objects, longer }
     }
 }
 

@@ -48,6 +48,7 @@ pub(super) fn config() -> RecordConfig {
         goals_per_state: 6,
         states_per_start: 300,
         template_share: 0.5,
+        train_template_share: 0.25,
         state_goal_share: 0.5,
         paper_share: 0.2,
         words_share: 0.5,
