@@ -69,6 +69,8 @@ class DataConfig:
     """Share of a suite's records from templates, evenly over them; the rest are random problems."""
     train_template_share: float = 0.15
     """The same share for training and validation: templates are learnt long before random problems are."""
+    train_steps_power: int = 1
+    """There a problem is as likely as its shortest plan's steps to this power; 0 draws all alike, as suites do."""
     state_goal_share: float = 0.5
     """Share of random problems whose goal is the whole final state; templates give both kinds unless it is 0 or 1."""
     paper_share: float = 0.0

@@ -50,6 +50,8 @@ pub struct RecordConfig {
     pub template_share: f64,
     /// The same share for training and validation.
     pub train_template_share: f64,
+    /// In training and validation a problem is as likely as its shortest plan's steps to this power.
+    pub train_steps_power: u32,
     /// Share of problems whose goal is the whole final state.
     pub state_goal_share: f64,
     /// Share of records in the report's style.
@@ -72,6 +74,9 @@ pub struct RecordConfig {
     pub negatives: BTreeMap<String, f64>,
 }
 
+/// The largest `train_steps_power`.
+const MOST_POWER: u32 = 4;
+
 /// A value that the configuration cannot have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ConfigMistake {
@@ -87,6 +92,9 @@ pub enum ConfigMistake {
     /// No kind of negative has a positive weight, or one has a negative weight.
     #[error("`data.negatives` needs weights that are not negative, one of them positive")]
     Weights,
+    /// A power that is not small.
+    #[error("`data.train_steps_power` is at most {MOST_POWER}")]
+    Power,
     /// A held-out template that there is not.
     #[error("`data.held_out_templates` names `{0}`, which is no template of this domain")]
     Template(String),
@@ -110,6 +118,9 @@ impl RecordConfig {
             if number == 0 {
                 return Err(ConfigMistake::Zero(name));
             }
+        }
+        if self.train_steps_power > MOST_POWER {
+            return Err(ConfigMistake::Power);
         }
         let (least, most) = self.longer_steps;
         if least <= self.max_steps || most < least {

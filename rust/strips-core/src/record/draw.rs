@@ -67,8 +67,7 @@ impl Book {
 
     fn draw_shape(&self, split: Split, random: &mut Random) -> (usize, &Shape) {
         let pool = self.pools.of(split);
-        let group = &pool.groups[random.weighted(&pool.weights)];
-        let id = *random.choice(group) as usize;
+        let id = pool.groups[random.weighted(&pool.weights)].draw(random) as usize;
         (id, &self.pools.shapes[id])
     }
 

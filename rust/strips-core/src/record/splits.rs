@@ -5,6 +5,7 @@ use rustc_hash::FxHashSet;
 use super::config::RecordConfig;
 use super::shape::{Shape, Source};
 use crate::augment::{Hold, Names, Naming};
+use crate::random::Random;
 
 /// A part of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -102,7 +103,34 @@ pub(super) struct Pools {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pool {
     pub weights: Vec<f64>,
-    pub groups: Vec<Vec<u32>>,
+    pub groups: Vec<Group>,
+}
+
+/// Problems of one origin.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Group {
+    ids: Vec<u32>,
+    /// The sum of the weights up to each problem; empty where all are equally likely.
+    sums: Vec<usize>,
+}
+
+impl Group {
+    fn new(ids: Vec<u32>, shapes: &[Shape], steps_power: u32) -> Self {
+        let mut sum = 0;
+        let add = |&id: &u32| {
+            sum += shapes[id as usize].shortest.max(1).pow(steps_power);
+            sum
+        };
+        let sums = if steps_power > 0 { ids.iter().map(add).collect() } else { Vec::new() };
+        Self { ids, sums }
+    }
+
+    /// One of its problems.
+    pub fn draw(&self, random: &mut Random) -> u32 {
+        let Some(&total) = self.sums.last() else { return *random.choice(&self.ids) };
+        let at = random.below(total);
+        self.ids[self.sums.partition_point(|&sum| sum <= at)]
+    }
 }
 
 /// Problems by where they come from, before they are sorted into splits.
@@ -179,8 +207,9 @@ impl<'c> Sorter<'c> {
         let few = candidates.iter().all(|id| band(id) < bands.len());
         let band = |id: &u32| if few { bands.len() } else { band(id) };
         let chosen = |wanted| candidates.iter().copied().filter(|id| band(id) == wanted).collect::<Vec<u32>>();
-        let suite = |ids: Vec<u32>| Pool::new(&ids, &self.shapes, self.config.template_share);
-        let training = |ids: Vec<u32>| Pool::new(&ids, &self.shapes, self.config.train_template_share);
+        let (config, shapes) = (self.config, &self.shapes);
+        let suite = |ids: Vec<u32>| Pool::new(&ids, shapes, config.template_share, 0);
+        let training = |ids: Vec<u32>| Pool::new(&ids, shapes, config.train_template_share, config.train_steps_power);
         let [unseen_shapes, tried, unseen_template] = [chosen(0), chosen(2), template].map(suite);
         let [validation, trained] = [chosen(1), chosen(2)].map(training);
         let [more_objects, longer] = [objects, longer].map(suite);
@@ -190,7 +219,7 @@ impl<'c> Sorter<'c> {
 
 impl Pool {
     /// One group a template, which share `template_share` evenly, and one of random problems for the rest.
-    fn new(ids: &[u32], shapes: &[Shape], template_share: f64) -> Self {
+    fn new(ids: &[u32], shapes: &[Shape], template_share: f64, steps_power: u32) -> Self {
         let mut keys: Vec<Option<usize>> = ids.iter().map(|&id| key(&shapes[id as usize])).collect();
         keys.sort_unstable();
         keys.dedup();
@@ -200,7 +229,8 @@ impl Pool {
             None => 1.0 - template_share,
         };
         let members = |wanted: &Option<usize>| {
-            ids.iter().copied().filter(|&id| key(&shapes[id as usize]) == *wanted).collect::<Vec<u32>>()
+            let ids = ids.iter().copied().filter(|&id| key(&shapes[id as usize]) == *wanted).collect();
+            Group::new(ids, shapes, steps_power)
         };
         let mut weights: Vec<f64> = keys.iter().map(weight).collect();
         if weights.iter().sum::<f64>() <= 0.0 {

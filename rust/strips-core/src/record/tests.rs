@@ -49,6 +49,7 @@ pub(super) fn config() -> RecordConfig {
         states_per_start: 300,
         template_share: 0.5,
         train_template_share: 0.25,
+        train_steps_power: 1,
         state_goal_share: 0.5,
         paper_share: 0.2,
         words_share: 0.5,
