@@ -135,10 +135,12 @@ class Dress:
 
     mc_share: float = 0.0
     """Share of the records that bring their negative."""
-    renumber: bool = False
-    """Whether object slots get random increasing numbers."""
+    renumber_share: float = 0.0
+    """Share of the records whose object slots get random increasing numbers."""
     offset: int = 0
     """Largest random start position."""
+    offset_share: float = 1.0
+    """Share of the records that start at a random position; the others start at 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,11 +201,13 @@ Group = tuple[Row, ...]
 def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.random.Generator) -> list[Group]:
     """The rows of each record, varied; draws are made for all records whether or not they are used."""
     offsets = rng.integers(dress.offset + 1, size=len(records))
+    offsets[rng.random(len(records)) >= dress.offset_share] = 0
     paired = rng.random(len(records)) < dress.mc_share
+    renumbered = rng.random(len(records)) < dress.renumber_share
     groups: list[Group] = []
-    for record, offset, pair in zip(records, offsets, paired, strict=True):
+    for record, offset, pair, renumber in zip(records, offsets, paired, renumbered, strict=True):
         parts = [data.prompts[record], data.positives[record], data.negatives[record]]
-        if dress.renumber and data.slots[1]:
+        if renumber and data.slots[1]:
             parts = _renumber(parts, data.slots, rng)
         positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
         groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))) if pair else (positive,))
@@ -213,13 +217,12 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
 def _renumber(
     parts: list[NDArray[np.integer]], slots: tuple[int, int], rng: np.random.Generator
 ) -> list[NDArray[np.integer]]:
-    """Maps the slots in use to random increasing slots; one time in three they stay, half of the rest stay near."""
+    """Maps the slots in use to random increasing slots: one time in two to any, else to near ones."""
     first, count = slots
     used = max(int(part.max(initial=0)) for part in parts) - first + 1
-    kind = rng.integers(3)
-    if used < 1 or used > count or kind == 0:
+    if used < 1 or used > count:
         return parts
-    reach = count if kind == 1 else min(count, used + 4)
+    reach = count if rng.integers(2) else min(count, used + 4)
     table = np.arange(first + count)
     table[first : first + used] = first + np.sort(rng.choice(reach, used, replace=False))
     return [table[part] for part in parts]

@@ -119,7 +119,8 @@ def _build(run: Run, plan: Plan, records: Any, fraction: float) -> Step:
     """This process's part of a step, dressed by (seed, step)."""
     train, accelerator = run.config.train, run.accelerator
     choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
-    dress = Dress(train.mc_share if choosing else 0.0, train.renumber_slots, train.position_offset)
+    mc_share = train.mc_share if choosing else 0.0
+    dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share)
     seed = (run.config.seed, run.progress.step, 1)
     rank, world = accelerator.process_index, accelerator.num_processes
     return build_step(run.data, records, plan, dress, seed, rank=rank, world=world)

@@ -69,8 +69,9 @@ class DataConfig:
     """Share of a suite's records from templates, evenly over them; the rest are random problems."""
     train_template_share: float = 0.15
     """The same share for training and validation: templates are learnt long before random problems are."""
-    train_steps_power: int = 1
-    """There a problem is as likely as its shortest plan's steps to this power; 0 draws all alike, as suites do."""
+    train_steps_power: int = 0
+    """There a problem is as likely as its shortest plan's steps to this power; 0 draws all alike, as suites do. 1 is
+    better at long plans and worse at more objects (docs/experiments.md)."""
     state_goal_share: float = 0.5
     """Share of random problems whose goal is the whole final state; templates give both kinds unless it is 0 or 1."""
     paper_share: float = 0.0
@@ -201,9 +202,12 @@ class TrainConfig:
     own_negatives: str = ""
     """A model's own wrong samples, written by `strips-lm sample-negatives`, in place of their records' negatives."""
     position_offset: int = 0
-    """Each record starts at a random position of 0 to this, so that plans longer than the training's are no news."""
-    renumber_slots: bool = True
-    """`canonical`: train on random increasing slot numbers, so that more objects than the training's are no news."""
+    """Some records start at a random position of 0 to this, so that plans longer than the training's are no news."""
+    offset_share: float = 0.3
+    """Share of the records that do; the others start at 0, which is much quicker to learn."""
+    renumber_share: float = 0.33
+    """`canonical`: share of the records with random increasing slot numbers, so that more objects than the training's
+    are no news."""
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     """Type that the layers run in; `auto` is bfloat16 where the processor has instructions for it."""
     autotune: bool = True
@@ -223,7 +227,8 @@ class TrainConfig:
         check(min(self.step_tokens, self.batch_tokens) > 0, "`train.step_tokens` and `train.batch_tokens` are positive")
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
-        check(0.0 <= self.mc_share <= 1.0, "`train.mc_share` is a share")
+        for share in ("mc_share", "offset_share", "renumber_share"):
+            check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
