@@ -11,11 +11,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from strips_lm.cli import main
-from strips_lm.shards import digest
+from strips_lm.storage import file_digest
 from strips_lm.suites import Found, shared
 from strips_lm.verify import _Checker, _stream
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 SMALL = [
@@ -123,7 +124,7 @@ def test_a_changed_file_with_its_hash_put_right_is_found(data: Path, capsys: pyt
     manifest_text = manifest_path.read_text()
     manifest = json.loads(manifest_text)
     pq.write_table(with_cell(seen(data), "seed", 2, 7), path)
-    manifest["files"]["data/seen-00000-of-00001.parquet"] = digest(path)
+    manifest["files"]["data/seen-00000-of-00001.parquet"] = file_digest(path)
     manifest_path.write_text(json.dumps(manifest))
     assert main(["verify-data", str(data)]) == 1
     assert capsys.readouterr().out == "seen 2: `seed` is not what run.toml gives\n"
@@ -142,3 +143,50 @@ def test_what_a_suite_holds_out_must_not_be_trained() -> None:
     assert shared({"train": trained, "unseen-actions": Found(words={"lift"})})
     assert shared({"train": trained, "unseen-shapes": Found(problems={"00"})})
     assert shared({"train": trained, "seen": Found(texts={2})})
+
+
+@pytest.fixture(scope="module")
+def lines(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("data") / "lines"
+    assert main(["gen-data", f"--out={out}", "--format=jsonl", *SMALL]) == 0
+    return out
+
+
+def test_json_lines_are_proven_as_parquet_is(lines: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify-data", str(lines)]) == 0
+    records = sum(len(path.read_text().splitlines()) for path in lines.glob("data/*.jsonl"))
+    assert f"{records:,} records checked" in capsys.readouterr().err
+
+
+def test_show_makes_a_line_anew(lines: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", str(lines), "17", "--split=seen", "--json"]) == 0
+    (path,) = lines.glob("data/seen-*.jsonl")
+    assert capsys.readouterr().out == path.read_text().splitlines()[17] + "\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda row: {**row, "seed": row["seed"] ^ 1}, "`seed` is not what run.toml gives"),
+        (lambda row: {**row, "completion": row["negative"]}, "the completion is not the plan with its states"),
+        (lambda row: {**row, "more": 1}, "seen-00000-of-00001.jsonl:4: other fields than a record has"),
+        (lambda row: {**row, "steps": "two"}, "seen-00000-of-00001.jsonl: "),
+        (lambda row: [*row], "seen-00000-of-00001.jsonl:4: other fields than a record has"),
+    ],
+)
+def test_a_changed_line_is_found(
+    lines: Path, change: Callable[[dict[str, Any]], Any], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (path,) = lines.glob("data/seen-*.jsonl")
+    before = path.read_text()
+    rows = before.splitlines()
+    rows[3] = json.dumps(change(json.loads(rows[3])))
+    path.write_text("\n".join(rows) + "\n")
+    try:
+        assert main(["verify-data", str(lines)]) == 1
+        assert complaint in capsys.readouterr().out
+        path.write_text(before[:-5])
+        assert main(["verify-data", str(lines)]) == 1
+        assert "seen-00000-of-00001.jsonl:24: " in capsys.readouterr().out
+    finally:
+        path.write_text(before)

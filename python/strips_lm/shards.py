@@ -1,18 +1,16 @@
-"""Writing a data set: shards that appear whole or not at all, and go on where an interrupted run stopped.
+"""Writing a data set: files that appear whole or not at all, and go on where an interrupted run stopped.
 
-Each file is written under a temporary name in its folder, flushed to the disk and renamed; `manifest.json` comes last.
-A shard is a function of the configuration alone, so a resumed run ends with the bytes of one that was never stopped.
-Holds one shard in memory, and the next while the last is written. Knows nothing of planning. Never imports torch.
+`manifest.json` comes last. A shard is a function of the configuration alone, so a resumed run ends with the bytes of
+one that was never stopped, wherever its shards are made: here (`here`) or on a cluster (`strips_lm.cluster`). Holds one
+shard in memory, and the next while the last is written. Knows nothing of planning, nor of what kind of store it writes
+to (`strips_lm.storage`). Never imports torch.
 """
 
 from __future__ import annotations
 
-import hashlib
+import io
 import json
-import os
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,20 +20,20 @@ import pyarrow.parquet as pq
 from strips_lm.card import dataset_card
 from strips_lm.config import RunConfig
 from strips_lm.config.names import ConfigError
-
-if sys.platform == "win32":
-    import msvcrt
-else:
-    import fcntl
+from strips_lm.storage import digest, open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from concurrent.futures import Future
     from pathlib import Path
 
     from strips_lm._native import RecordStream
     from strips_lm.sources import DomainSources
+    from strips_lm.storage import Digest, Store
 
     Tick = Callable[[str, int, int], None]
+    Warn = Callable[[str], None]
+    MakeShards = Callable[["Work"], Iterator[tuple["Shard", Digest]]]
 
 CATEGORIES = ["negative_kind", "negative_verdict", "template", "style", "goal_style", "plan_count", "domain"]
 """Columns with few different values, written through a dictionary."""
@@ -43,8 +41,32 @@ CATEGORIES = ["negative_kind", "negative_verdict", "template", "style", "goal_st
 ROW_GROUP = 4096
 """Rows of a Parquet row group: what a reader must hold at a time."""
 
-TEMPORARY = ".partial"
-"""What names of unfinished files end with."""
+
+TEXTS, WORDS = pa.string(), pa.list_(pa.string())
+
+RECORDS = pa.schema(
+    {
+        "index": pa.int64(),
+        "prompt": TEXTS,
+        "completion": TEXTS,
+        "negative": TEXTS,
+        "plan": TEXTS,
+        "negative_kind": TEXTS,
+        "negative_verdict": TEXTS,
+        "negative_step": pa.int32(),
+        "problem_id": pa.int32(),
+        "names": WORDS,
+        "words": WORDS,
+        "template": TEXTS,
+        "style": TEXTS,
+        "goal_style": TEXTS,
+        "steps": pa.int32(),
+        "optimal_steps": pa.int32(),
+        "plan_count": TEXTS,
+        "seed": pa.uint64(),
+    }
+)
+"""A record's columns, which JSON does not say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +78,24 @@ class Shard:
     stop: int
     name: str
     """Relative to the data set's folder."""
+
+    @property
+    def records(self) -> int:
+        """How many records it holds."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """The shards that a data set needs, and what it takes to make them."""
+
+    store: Store
+    config: RunConfig
+    sources: DomainSources
+    stream: RecordStream
+    wanted: list[Shard]
+    there: set[str]
+    """Names of files that an earlier run left."""
 
 
 def shards(splits: list[tuple[str, int]], config: RunConfig) -> list[Shard]:
@@ -70,113 +110,135 @@ def shards(splits: list[tuple[str, int]], config: RunConfig) -> list[Shard]:
     return found
 
 
+def here(work: Work) -> Iterator[tuple[Shard, Digest]]:
+    """Makes the shards that are missing on this machine; one is made while the one before is written."""
+    with ThreadPoolExecutor(1) as writer:
+        before: tuple[Shard, Future[Digest]] | None = None
+        for shard in work.wanted:
+            if shard.name in work.there:
+                future = writer.submit(_kept, work.store, shard.name)
+            else:
+                batch = table(work.stream.batch(shard.split, shard.start, shard.stop))
+                future = writer.submit(write_table, work.store, shard.name, batch)
+            if before is not None:
+                yield before[0], before[1].result()
+            before = shard, future
+        if before is not None:
+            yield before[0], before[1].result()
+
+
 def write_data_set(
-    out: Path,
+    out: str | Path,
     config: RunConfig,
     sources: DomainSources,
     *,
     jobs: int = 0,
+    make_shards: MakeShards = here,
     tick: Tick = lambda *_: None,
-    warn: Callable[[str], None] = lambda _: None,
+    warn: Warn = lambda _: None,
 ) -> bool:
-    """Writes the data set into the folder `out`, or goes on where an earlier run stopped.
+    """Writes the data set to `out`, a folder or a URL, or goes on where an earlier run stopped.
 
     Returns whether there was anything left to write.
 
     Raises:
-        ConfigError: the folder holds another data set, or another run is writing it.
+        ConfigError: the folder holds another data set, another run is writing it, or it cannot be reached from here.
         PddlError, DataError: the sources or the configuration are wrong; nothing is written then.
         OSError: a file cannot be written.
     """
-    if (out / "run.toml").is_file():
-        refuse_other(out, config, sources)
-    if (out / "manifest.json").is_file():
+    store = open_store(out)
+    refuse_other(store, config, sources.texts)
+    if store.read("manifest.json") is not None:
         return False
     tick("problems", 0, 1)
     stream = sources.stream(config, jobs)
     tick("problems", 1, 1)
     for line in stream.left_out:
         warn(line)
-    out.mkdir(parents=True, exist_ok=True)
-    with _lock(out):
-        _sweep(out)
-        _write_sources(out, config, sources)
-        _write_records(out, config, stream, tick)
-        _write_once(out, "README.md", dataset_card(config, stream.splits).encode())
-        manifest = {"content_hash": config.content_hash(), "splits": dict(stream.splits), "files": _digests(out)}
-        _write_once(out, "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
+    with store.exclusive(warn):
+        refuse_other(store, config, sources.texts)  # again, now that no other run can begin
+        work = Work(store, config, sources, stream, shards(stream.splits, config), store.names())
+        digests = _write_about(work) | _write_shards(work, make_shards, tick)
+        _refuse_unseen(store, digests)
+        files = {name: digests[name] for name in sorted(digests)}
+        manifest = {"content_hash": config.content_hash(), "splits": dict(stream.splits), "files": files}
+        store.write("manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
     return True
 
 
-def refuse_other(out: Path, config: RunConfig, sources: DomainSources) -> None:
-    """Raises `ConfigError` unless the folder's data set is the one that is asked for, naming what differs."""
-    old = RunConfig.load(out / "run.toml")
+def refuse_other(store: Store, config: RunConfig, texts: dict[str, str]) -> None:
+    """Raises `ConfigError` if the store has a data set other than the one that is asked for, naming what differs.
+
+    `texts` are the files that it is made from, by name.
+    """
+    run = store.read("run.toml")
+    if run is None:
+        return
+    old = RunConfig.parse(run.decode(), f"{store}/run.toml")
     before, now = ({"seed": run.seed, **asdict(run.data)} for run in (old, config))
     differing = [f"{key} = {before[key]!r}, not {now[key]!r}" for key in now if before[key] != now[key]]
     differing += [
         f"{name} has changed"
-        for name, text in sources.texts.items()
-        if (out / name).is_file() and (out / name).read_text(encoding="utf-8") != text
+        for name, text in texts.items()
+        if (kept := store.read(name)) is not None and kept != text.encode()
     ]
     if differing:
         raise ConfigError(
-            f"{out}: holds a data set of another configuration: {'; '.join(differing)}\nhint: choose another folder"
+            f"{store}: holds a data set of another configuration: {'; '.join(differing)}\nhint: choose another folder"
         )
 
 
-@contextmanager
-def _lock(out: Path) -> Iterator[None]:
-    with (out / ".lock").open("w") as file:
-        try:
-            _hold(file.fileno())
-        except OSError:
-            raise ConfigError(f"{out}: another run is writing here") from None
-        yield
-        if sys.platform != "win32":  # which removes no open file; the name alone locks nothing
-            (out / ".lock").unlink(missing_ok=True)
+def _write_about(work: Work) -> dict[str, Digest]:
+    """Writes everything but records; `run.toml` first, so that no other configuration finds an unclaimed folder."""
+    contents = {"run.toml": work.config.text().encode()}
+    contents |= {name: text.encode() for name, text in work.sources.texts.items()}
+    contents["problems.parquet"] = encode(table(work.stream.problems()), "parquet")
+    contents["README.md"] = dataset_card(work.config, work.stream.splits).encode()
+    return {name: write_once(work.store, name, content) for name, content in contents.items()}
 
 
-def _hold(file: int) -> None:
-    """Locks the open file, or raises `OSError`; the system lets go of it when this process ends, however it ends."""
-    if sys.platform == "win32":
-        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-    else:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+def write_once(store: Store, name: str, content: bytes) -> Digest:
+    """Writes a file unless it is there; gives what it is."""
+    found = read_digest(store, name)
+    if found is None:
+        store.write(name, content)
+    return found or digest(content)
 
 
-def _sweep(out: Path) -> None:
-    """Removes what a killed run left under temporary names; nobody else writes here."""
-    for path in [*out.glob(f".*{TEMPORARY}"), *out.glob(f"*/.*{TEMPORARY}")]:
-        path.unlink()
+def _write_shards(work: Work, make_shards: MakeShards, tick: Tick) -> dict[str, Digest]:
+    total, done = sum(shard.records for shard in work.wanted), 0
+    digests = {}
+    for shard, found in make_shards(work):
+        digests[shard.name] = found
+        done += shard.records
+        tick("records", done, total)
+    return digests
 
 
-def _write_sources(out: Path, config: RunConfig, sources: DomainSources) -> None:
-    for name, text in sources.texts.items():
-        _write_once(out, name, text.encode())
-    if not (out / "run.toml").is_file():
-        with _final(out / "run.toml") as partial:
-            config.save(partial)
+def _refuse_unseen(store: Store, digests: dict[str, Digest]) -> None:
+    missing = sorted(set(digests) - store.names())
+    if missing:
+        raise ConfigError(f"{store}: {len(missing)} files were written and are not there, such as {missing[0]}")
 
 
-def _write_records(out: Path, config: RunConfig, stream: RecordStream, tick: Tick) -> None:
-    """Writes the shards that are missing; one is made while the one before is written."""
-    if not (out / "problems.parquet").is_file():
-        _write_parquet(out / "problems.parquet", table(stream.problems()))
-    wanted = shards(stream.splits, config)
-    total, done = sum(shard.stop - shard.start for shard in wanted), 0
-    write = _write_parquet if config.data.format == "parquet" else _write_jsonl
-    with ThreadPoolExecutor(1) as writer:
-        pending = None
-        for shard in wanted:
-            if not (out / shard.name).is_file():
-                batch = table(stream.batch(shard.split, shard.start, shard.stop))
-                if pending is not None:
-                    pending.result()
-                pending = writer.submit(write, out / shard.name, batch)
-            done += shard.stop - shard.start
-            tick("records", done, total)
-        if pending is not None:
-            pending.result()
+def read_digest(store: Store, name: str) -> Digest | None:
+    """What a file is, if it is there."""
+    content = store.read(name)
+    return None if content is None else digest(content)
+
+
+def _kept(store: Store, name: str) -> Digest:
+    found = read_digest(store, name)
+    if found is None:
+        raise ConfigError(f"{store}/{name} was there and is gone")
+    return found
+
+
+def write_table(store: Store, name: str, batch: pa.Table) -> Digest:
+    """Writes a table in the format that its name ends with; gives what the file is."""
+    content = encode(batch, name.rpartition(".")[2])
+    store.write(name, content)
+    return digest(content)
 
 
 def table(columns: dict[str, Any]) -> pa.Table:
@@ -194,59 +256,11 @@ def _array(column: Any) -> pa.Array:
     return pa.Array.from_buffers(pa.string(), len(offsets) - 1, buffers)
 
 
-def _write_parquet(path: Path, batch: pa.Table) -> None:
+def encode(batch: pa.Table, extension: str) -> bytes:
+    """The file of a table, `parquet` or `jsonl`."""
+    if extension == "jsonl":
+        return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in batch.to_pylist()).encode()
+    sink = io.BytesIO()
     categories = [name for name in CATEGORIES if name in batch.column_names]
-    with _final(path) as partial:
-        pq.write_table(batch, partial, compression="zstd", use_dictionary=categories, row_group_size=ROW_GROUP)
-
-
-def _write_jsonl(path: Path, batch: pa.Table) -> None:
-    with _final(path) as partial, partial.open("w", encoding="utf-8") as file:
-        file.writelines(json.dumps(row, ensure_ascii=False) + "\n" for row in batch.to_pylist())
-
-
-def _write_once(out: Path, name: str, content: bytes) -> None:
-    path = out / name
-    if not path.is_file():
-        with _final(path) as partial:
-            partial.write_bytes(content)
-
-
-@contextmanager
-def _final(path: Path) -> Iterator[Path]:
-    """A temporary name to write to, which becomes `path` once what was written is on the disk."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.parent / f".{path.name}{TEMPORARY}"
-    try:
-        yield partial
-        _flush(partial)
-        partial.replace(path)
-        _flush(path.parent)
-    except BaseException as error:
-        with suppress(FileNotFoundError):
-            partial.unlink()
-        if isinstance(error, OSError) and error.errno is not None:
-            raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
-        raise
-
-
-def _flush(path: Path) -> None:
-    if sys.platform == "win32" and path.is_dir():
-        return  # Windows opens no folders, and needs no flush of them
-    handle = os.open(path, os.O_RDWR if path.is_file() else os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def _digests(out: Path) -> dict[str, dict[str, Any]]:
-    """Size and SHA-256 of every file of the data set."""
-    paths = sorted(path for path in out.rglob("*") if path.is_file() and not path.name.startswith("."))
-    return {path.relative_to(out).as_posix(): digest(path) for path in paths}
-
-
-def digest(path: Path) -> dict[str, Any]:
-    """Size and SHA-256 of one file."""
-    with path.open("rb") as file:
-        return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+    pq.write_table(batch, sink, compression="zstd", use_dictionary=categories, row_group_size=ROW_GROUP)
+    return sink.getvalue()

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -22,8 +23,9 @@ import pyarrow.parquet as pq
 from strips_lm._native import DataError, Domain, PddlError, Prover, __version__
 from strips_lm.config import RunConfig
 from strips_lm.config.names import ConfigError
-from strips_lm.shards import ROW_GROUP, digest, table
+from strips_lm.shards import RECORDS, ROW_GROUP, table
 from strips_lm.sources import read_kept
+from strips_lm.storage import file_digest
 from strips_lm.suites import Found, shared
 
 if TYPE_CHECKING:
@@ -49,7 +51,7 @@ def verify(folder: Path, tick: Callable[[int], None] = lambda _: None, most_faul
     """Checks the data set; stops after `most_faults` faults.
 
     Raises:
-        ConfigError: it is not a finished data set of Parquet files.
+        ConfigError: it is not a finished data set.
     """
     if not (folder / "manifest.json").is_file():
         raise ConfigError(f"{folder}: no finished data set here\nhint: strips-lm gen-data --out {folder}")
@@ -68,7 +70,7 @@ def verify(folder: Path, tick: Callable[[int], None] = lambda _: None, most_faul
     found = {}
     for split, records in manifest["splits"].items():
         found[split], start = Found(), 0
-        for row_group in _row_groups(folder, split):
+        for row_group in _readable(_row_groups(folder, split), split, result.faults):
             result.faults += checker.check(split, start, row_group, found[split], stream)
             start += row_group.num_rows
             result.records += row_group.num_rows
@@ -98,18 +100,55 @@ def _wrong_files(folder: Path, files: dict[str, dict[str, Any]]) -> list[str]:
     for name, expected in files.items():
         if name not in there:
             faults.append(f"{name}: missing")
-        elif digest(folder / name) != expected:
+        elif file_digest(folder / name) != expected:
             faults.append(f"{name}: not the file that the manifest describes")
     return faults
 
 
 def _row_groups(folder: Path, split: str) -> Iterator[pa.Table]:
-    paths = sorted((folder / "data").glob(f"{split.replace('-', '_')}-*.parquet"))
+    name = split.replace("-", "_")
+    paths = [path for path in sorted((folder / "data").glob(f"{name}-*")) if path.suffix in (".parquet", ".jsonl")]
     if not paths:
-        raise ConfigError(f"{folder}: no Parquet files of the split {split}")
+        raise ConfigError(f"{folder}: no files of the split {split}")
     for path in paths:
+        if path.suffix == ".jsonl":
+            yield from _lines(path)
+            continue
         for batch in pq.ParquetFile(path).iter_batches(ROW_GROUP):
             yield pa.Table.from_batches([batch])
+
+
+def _lines(path: Path) -> Iterator[pa.Table]:
+    """A file of JSON Lines, as many records at a time as a row group has.
+
+    Raises:
+        pa.ArrowInvalid: a line is no record.
+    """
+    with path.open(encoding="utf-8") as file:
+        numbered = enumerate(file, 1)
+        while rows := [_record(path.name, number, line) for number, line in islice(numbered, ROW_GROUP)]:
+            try:
+                yield pa.Table.from_pylist(rows, schema=RECORDS)
+            except (TypeError, OverflowError) as error:
+                raise pa.ArrowInvalid(f"{path.name}: {error}") from None
+
+
+def _record(file: str, number: int, line: str) -> Row:
+    try:
+        row = json.loads(line)
+    except ValueError as error:
+        raise pa.ArrowInvalid(f"{file}:{number}: {error}") from None
+    if not isinstance(row, dict) or list(row) != RECORDS.names:
+        raise pa.ArrowInvalid(f"{file}:{number}: other fields than a record has")
+    return row
+
+
+def _readable(tables: Iterator[pa.Table], split: str, faults: list[str]) -> Iterator[pa.Table]:
+    """The tables as far as they can be read; a file that is none of Parquet's is a fault."""
+    try:
+        yield from tables
+    except pa.ArrowInvalid as error:
+        faults.append(f"{split}: {str(error).splitlines()[0]}")
 
 
 class _Checker:

@@ -8,20 +8,23 @@ from __future__ import annotations
 import dataclasses
 import sys
 import time
-from pathlib import Path
-from typing import TYPE_CHECKING
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 from strips_lm.cli.arguments import add_config, natural, positive, read_config
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterator
 
     from strips_lm.config import DataConfig, RunConfig
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="the data set's folder")
+    parser.add_argument(
+        "--out", metavar="DIR|URL", required=True, help="the data set's folder, or a URL (`s3://…`) for fsspec"
+    )
     parser.add_argument("--domain", metavar="NAME|DIR|FILE", help="a built-in domain, a folder like one, a PDDL file")
     parser.add_argument(
         "--problems", metavar="GLOB", nargs="+", action="extend", default=[], help="problems of your own"
@@ -36,7 +39,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-steps", metavar="T", type=positive, help="the longest plan (default 7)")
     parser.add_argument("--seed", metavar="S", type=natural, help="seed of every draw (default 0)")
     parser.add_argument("--format", choices=["parquet", "jsonl"], help="how records are written")
-    parser.add_argument("--jobs", metavar="N", type=natural, default=0, help="threads (default: one a core)")
+    parser.add_argument(
+        "--jobs", metavar="N", type=natural, default=0, help="threads (default: one a core; of a cluster's task: one)"
+    )
+    parser.add_argument(
+        "--cluster",
+        choices=["ray"],
+        help="make the records on the Ray cluster at RAY_ADDRESS, or on one of this machine",
+    )
     add_config(parser)
 
 
@@ -48,9 +58,22 @@ def run(args: argparse.Namespace) -> int:
     config = _config(args)
     sources = read_sources(config.data.domain, config.data.problems)
     progress = Progress()
-    wrote = write_data_set(args.out, config, sources, jobs=args.jobs, tick=progress.tick, warn=progress.say)
+    with _workers(args) as settings:
+        wrote = write_data_set(args.out, config, sources, tick=progress.tick, warn=progress.say, **settings)
     progress.say(f"{args.out}: {'written' if wrote else 'is finished already'}")
     return 0
+
+
+@contextmanager
+def _workers(args: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """How `write_data_set` is to make the shards."""
+    if args.cluster is None:
+        yield {"jobs": args.jobs}
+        return
+    from strips_lm.cluster import ray_cluster  # noqa: PLC0415  (Ray is for those who ask for it)
+
+    with ray_cluster(args.jobs or 1) as make_shards:
+        yield {"make_shards": make_shards}
 
 
 def _config(args: argparse.Namespace) -> RunConfig:

@@ -85,6 +85,15 @@ class RunConfig:
         return cls.from_dict(table)
 
     @classmethod
+    def parse(cls, text: str, name: str) -> RunConfig:
+        """Reads the text of a TOML file such as `run.toml`; `name` is for messages.
+
+        Raises:
+            ConfigError: it is not TOML, or a key or value is not accepted.
+        """
+        return cls.from_dict(_parse(text, name))
+
+    @classmethod
     def from_dict(cls, table: dict[str, Any]) -> RunConfig:
         """Makes the configuration of nested tables, such as `tomllib` reads."""
         hints = field_types(cls)
@@ -103,10 +112,14 @@ class RunConfig:
         canonical = json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
-    def save(self, path: str | Path) -> None:
-        """Writes `run.toml`: the configuration, its hash, and the versions that it ran with."""
+    def text(self) -> str:
+        """What `run.toml` says: the configuration, its hash, and the versions that it ran with."""
         about = {"content_hash": self.content_hash(), "versions": versions()}
-        Path(path).write_text(to_toml(about | self.to_dict()), encoding="utf-8")
+        return to_toml(about | self.to_dict())
+
+    def save(self, path: str | Path) -> None:
+        """Writes `run.toml`."""
+        Path(path).write_text(self.text(), encoding="utf-8")
 
 
 def presets() -> list[str]:
@@ -122,10 +135,14 @@ def _read(preset: str | Path) -> dict[str, Any]:
     path = Path(preset) if str(preset).endswith(".toml") else _preset_folder() / f"{preset}.toml"
     if not path.is_file() and not str(preset).endswith(".toml"):
         raise ConfigError(f"no preset `{preset}`{suggestion(str(preset), presets())}")
+    return _parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def _parse(text: str, name: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: {error}") from None
+        raise ConfigError(f"{name}: {error}") from None
 
 
 def _set(table: dict[str, Any], override: str) -> None:
