@@ -1,11 +1,13 @@
 """Search against K*, Fast Downward's blind search and pyperplan, on the same generated files, in one run, as ratios.
 
 Needs a Rust toolchain, and whichever of the peers are to be compared from PyPI: ``pip install kstar-planner
-up-fast-downward pyperplan``. Prints one JSON object a comparison to stdout and a table to stderr. Times are processor
-time, so that a busy machine does not blur them; the fastest of ``--repeat`` runs counts. Three comparisons:
+up-symk up-fast-downward unified-planning pyperplan``. Prints one JSON object a comparison to stdout and a table to
+stderr. Times are processor time, so that a busy machine does not blur them; the fastest of ``--repeat`` runs counts.
+Four comparisons:
 
 - all plans of gripper with four balls in 15 steps, start to end: our whole process against K*'s, which counts the same
   plans (its horizon is a multiple of the optimum; no operator of the domain changes nothing, as K* would drop it);
+- a plan: the same against SymK, which stops after some thousands, as it writes a file for each;
 - the first plan: our search against the time that Fast Downward reports for its blind search alone;
 - states a second, one thread each: ours, Fast Downward's expansions, pyperplan's breadth-first search.
 """
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 TOP = Path(__file__).resolve().parents[2]
 OPTIMUM, HORIZON = 11, 15
+SYMK_PLANS = 5000
 KSTAR = (
     "kstar(blind(), q={quality}, k=100000000, find_unordered_plans=false, "
     "dump_plan_files=false, json_file_to_dump={file})"
@@ -78,6 +81,21 @@ def kstar(folder: Path) -> dict[str, float]:
     return {"plans": int(found.group(1)) if found else 0, "process": process}
 
 
+def symk(folder: Path) -> dict[str, float]:
+    """SymK: the first plans in order of length, a file each."""
+    import up_symk
+
+    program = Path(up_symk.__file__).parent / "symk" / "fast-downward.py"
+    files = [str(folder / "domain.pddl"), str(folder / "problem.pddl")]
+    search = f"symk_bd(plan_selection=top_k(num_plans={SYMK_PLANS}))"
+    with tempfile.TemporaryDirectory() as plans:
+        output, process = run([sys.executable, str(program), *files, "--search", search], Path(plans))
+        found = len(list(Path(plans).rglob("sas_plan*")))
+    if not found:
+        raise SystemExit(f"SymK found no plans:\n{output[-2000:]}")
+    return {"plans": found, "process": process}
+
+
 def fast_downward(folder: Path) -> dict[str, float]:
     """Fast Downward's blind search: its own time, and states expanded."""
     import up_fast_downward
@@ -119,6 +137,16 @@ def all_plans(binary: Path, folder: Path, repeat: int) -> None:
     peer = fastest(repeat, lambda: kstar(folder), "process")
     row = {"what": "all plans", "task": folder.name, "plans": mine["plans"], "peer": "K*", "peer_plans": peer["plans"]}
     report({**row, "seconds": mine["process"], "peer_seconds": peer["process"]})
+
+
+def a_plan(binary: Path, folder: Path, repeat: int) -> None:
+    """Seconds a million plans, of all up to the horizon, against SymK's of its first ones."""
+    files = (folder / "domain.pddl", folder / "problem.pddl")
+    mine = fastest(repeat, lambda: ours(binary, "plans", *files, HORIZON), "process")
+    peer = fastest(1, lambda: symk(folder), "process")
+    row = {"what": "a million plans", "task": folder.name, "plans": mine["plans"], "peer": "SymK"}
+    seconds = {key: 1e6 * side["process"] / side["plans"] for key, side in (("seconds", mine), ("peer_seconds", peer))}
+    report({**row, "peer_plans": peer["plans"], **seconds})
 
 
 def without_no_ops(folder: Path) -> None:
@@ -180,6 +208,7 @@ def main() -> int:
     comparisons: list[tuple[str, str, Callable[[Path, Path, int], None], list[str]]] = [
         ("up_fast_downward", "up-fast-downward", first_plan, ["gripper-8", "gripper-12", "blocksworld-8"]),
         ("pyperplan", "pyperplan", breadth_first, ["blocksworld-6"]),
+        ("up_symk", "up-symk", a_plan, ["gripper-4"]),
         ("kstar_planner", "kstar-planner", all_plans, ["gripper-4"]),
     ]
     with tempfile.TemporaryDirectory() as folder:

@@ -5,7 +5,7 @@ use std::hash::BuildHasher;
 use rustc_hash::{FxBuildHasher, FxHashSet};
 
 use super::super::ast::{
-    Domain, GroundAtom, Object, ObjectId, PendingObject, PredicateId, Problem, Term, TypeId, Warning,
+    CostFunction, Domain, GroundAtom, Object, ObjectId, PendingObject, PredicateId, Problem, Term, TypeId, Warning,
 };
 use super::super::edit_distance::nearest;
 use super::super::error::{Declaration, Fault, PddlErrorKind};
@@ -53,6 +53,7 @@ pub(super) fn read<'a>(tree: &'a Tree, domain: &'a Domain) -> Result<Problem, Pr
     sections.get(":objects").map_or(Ok(()), |items| names.declare_objects(items))?;
     check_pending(&names, domain, home)?;
     let (init, costs) = Init::read(&mut names, sections.require(":init")?)?;
+    names.warnings.extend(unvalued(domain, &costs, home));
     let goal = names.condition(goal, &mut Vec::new())?;
     let minimizes_cost = sections.get(":metric").map_or(Ok(false), |items| metric(&mut names, items))?;
     sections.items(":length").for_each(|item| {
@@ -104,6 +105,16 @@ fn check_domain_name(names: &mut Names, mut items: Items, domain: &Domain) -> Re
         names.warnings.push(Warning { message, span: item.span() });
     }
     Ok(item.span())
+}
+
+/// Warnings of cost functions to which the problem gives no value at all.
+fn unvalued(domain: &Domain, costs: &[(usize, Vec<ObjectId>, f64)], home: Span) -> Vec<Warning> {
+    let missing = |(id, _): &(usize, &CostFunction)| costs.iter().all(|(function, ..)| function != id);
+    let warning = |(_, function): (usize, &CostFunction)| {
+        let message = format!("`{}` has no value in `:init`: as a cost it counts as 0", function.name);
+        Warning { message, span: home }
+    };
+    domain.cost_functions.iter().enumerate().filter(missing).map(warning).collect()
 }
 
 /// Every object that the domain names must be declared by now, and of the types that it is used as.

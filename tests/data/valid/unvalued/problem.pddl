@@ -1,0 +1,4 @@
+(define (problem bridge)
+  (:domain unvalued)
+  (:init (here))
+  (:goal (there)))
