@@ -201,9 +201,16 @@ def test_the_lexicon_is_as_large_as_promised() -> None:
         ("templates/stack.pddl", "?b - movable", "?b - mobile", "undeclared type `mobile`"),
         ("templates/reach.pddl", "(:goal (on ?a ?s))", "(:goal (on ?s ?a))", "`?s` is of type fixture"),
         ("templates/brew.pddl", "(opened ?v)", "(opened ?v ?s)", "`opened` takes 1 argument, not 2"),
-        ("lexicon.toml", '"apple",', '"apple", "Big Apple",', "lexicon.toml:9:12"),
+        ("lexicon.toml", '"apple",', '"apple", "Big Apple",', "lexicon.toml:10:12"),
         ("lexicon.toml", '"hook",', '"hook", "apple",', "`apple` is already"),
         ("lexicon.toml", "[actions.pick]", "[actions.pluck]", "the domain has no action `pluck`"),
+        (
+            "lexicon.toml",
+            "[predicates.in]",
+            "[predicates.inn]",
+            "lexicon.toml:84:13: the domain has no predicate `inn`",
+        ),
+        ("lexicon.toml", '"atop",', '"atop", "lift",', "`lift` is already"),
     ],
 )
 def test_mistakes_are_told_with_their_place(
@@ -290,7 +297,12 @@ def test_mistakes_in_own_problems_are_told_before_anything_is_written(
     assert "no file fits" in capsys.readouterr().err
     either = lamps(tmp_path, "either.pddl", "(or (lit c) (lit d))")
     assert main([*given, f"--problems={either}"]) == 2
-    assert "either.pddl: the goal is no conjunction of literals" in capsys.readouterr().err
+    message = capsys.readouterr().err
+    assert (
+        "either.pddl:2:9: expected a conjunction of literals, as prompts say goals, found another condition" in message
+    )
+    assert "\n   (:goal (or (lit c) (lit d))))\n          ^" in message
+    assert "hint: `--random-goals`" in message
     assert not (tmp_path / "out").exists()
     assert main([*given, f"--problems={either}", "--random-goals", *SMALL]) == 0
 

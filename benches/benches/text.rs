@@ -12,7 +12,7 @@ use strips_core::random::Random;
 use strips_core::search::{PlanSet, Semantics, SuccessorGenerator};
 use strips_core::task::{Fact, Limits, OperatorId, State, Task, ground};
 use strips_core::text::automaton::{MaskedDecoder, SpokenTask};
-use strips_core::text::canonical::{Codec, Hints, Layout, Rows};
+use strips_core::text::canonical::{Codec, Hints, Layout, Rows, Synonyms};
 use strips_core::text::{Goal, Naming, Style, parse_completions, render_record, split_text};
 
 const DOMAIN: &str = include_str!("../../python/strips_lm/domains/manipulation/domain.pddl");
@@ -50,7 +50,7 @@ impl Corpus {
 
     fn render(&self, row: usize) -> String {
         let (domain, objects) = (&*self.task.domain, &self.task.problem.objects[..]);
-        let naming = Naming { domain, objects, names: Some(&self.names[row]), words: None };
+        let naming = Naming { domain, objects, names: Some(&self.names[row]), words: None, predicates: None };
         let plan = &self.plans[row];
         let operator = |id: &OperatorId| &self.task.operators[id.index()];
         let steps = plan.iter().map(|(id, state)| (operator(id).action, &operator(id).args[..], &state[..]));
@@ -74,7 +74,7 @@ fn trace(task: &Task, plan: &[OperatorId]) -> Vec<(OperatorId, Vec<Fact>)> {
 fn format(criterion: &mut Criterion) {
     let corpus = Corpus::new();
     let texts = corpus.texts();
-    let codec = Codec::new(&[(&corpus.task.domain, vec![])], Layout::Difference);
+    let codec = Codec::new(&[(&corpus.task.domain, Synonyms::default())], Layout::Difference);
     let rows = codec.encode_batch(&texts, &Rows::default());
     let (words, legends): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
     let completions: Vec<_> = texts.iter().map(|text| split_text(text).1).collect();
@@ -92,7 +92,7 @@ fn format(criterion: &mut Criterion) {
 /// One step of a batch of 256 rows: the mask, and the choice of a random allowed token.
 fn mask(criterion: &mut Criterion) {
     let corpus = Corpus::new();
-    let codec = Arc::new(Codec::new(&[(&corpus.task.domain, vec![])], Layout::Difference));
+    let codec = Arc::new(Codec::new(&[(&corpus.task.domain, Synonyms::default())], Layout::Difference));
     let legend = codec.encode(split_text(&corpus.render(0)).0, &Hints::default()).1;
     let generator = Arc::new(SuccessorGenerator::new(&corpus.task));
     let (task, names) = (corpus.task.clone(), &corpus.names[0]);

@@ -380,8 +380,8 @@ def judge(
 ) -> list[Judgement]:
     """Judges generated texts in parallel.
 
-    Parses each, maps its words back to the domain's actions by `words`, validates the plan against its own problem
-    (PDDL text) and compares its states with the true ones.
+    Parses each, maps its words back to the domain's actions and predicates by `words`, validates the plan against its
+    own problem (PDDL text) and compares its states with the true ones.
 
     Raises:
         PddlError: a problem is wrong.
@@ -425,6 +425,9 @@ class Legend:
     @property
     def words(self) -> list[str]:
         """The word for each action of the domain."""
+    @property
+    def predicates(self) -> list[str]:
+        """The word for each predicate of the domain; empty where all go by their names."""
     def to_json(self) -> str:
         """The legend as JSON."""
     @staticmethod
@@ -444,7 +447,7 @@ class CanonicalCodec:
     def __new__(
         cls, domain: Domain, lexicon: str | None = None, *, layout: Literal["difference", "report"] = "difference"
     ) -> CanonicalCodec:
-        """The codec of a domain, with the words that a lexicon (TOML) gives for its actions.
+        """The codec of a domain, with the words that a lexicon (TOML) gives for its actions and predicates.
 
         Raises:
             DataError: the lexicon is no TOML.
@@ -501,10 +504,12 @@ class CanonicalCodec:
         """The texts of completions alone, from the ids of their prompts and of their own words; never fails."""
 
 def render_prompt(task: Task, style: Literal["paper", "typed"] = "typed", words: Sequence[str] | None = None) -> str:
-    """The prompt of a task: in `typed` its objects with their types, and the words for its actions where given.
+    """The prompt of a task: in `typed` its objects with their types, and the words where given.
+
+    `words` has one for each action, then perhaps one for each predicate.
 
     Raises:
-        DataError: the goal is no conjunction of literals, or there are not as many words as actions.
+        DataError: the goal is no conjunction of literals, or there are not as many words.
     """
 
 def state_graph(

@@ -16,6 +16,7 @@ ABOUT = {
     "unseen-objects": "object names never trained",
     "unseen-made-up-names": "made-up object names never trained",
     "unseen-actions": "words for actions never trained",
+    "unseen-predicates": "words for predicates never trained",
     "unseen-shapes": "problems not isomorphic to any trained one",
     "unseen-template": "whole templates held out",
     "more-objects": "more objects than in any trained problem",

@@ -8,6 +8,7 @@ HELD_OUT = {
     "unseen-objects": "names",
     "unseen-made-up-names": "names",
     "unseen-actions": "words",
+    "unseen-predicates": "predicate_words",
     "unseen-shapes": "problems",
     "unseen-template": "templates",
     "more-objects": "problems",
@@ -22,6 +23,7 @@ class Found:
 
     names: set[str] = field(default_factory=set)
     words: set[str] = field(default_factory=set)
+    """Words for actions."""
     problems: set[str] = field(default_factory=set)
     """Canonical hashes."""
     templates: set[str] = field(default_factory=set)
@@ -33,6 +35,8 @@ class Found:
     """Steps of plans."""
     texts: set[int] = field(default_factory=set)
     """Hashes of whole records."""
+    predicate_words: set[str] = field(default_factory=set)
+    """Words for predicates, where the data set has such."""
 
 
 def shared(found: dict[str, Found]) -> list[str]:
@@ -41,7 +45,9 @@ def shared(found: dict[str, Found]) -> list[str]:
     for split, held_out in HELD_OUT.items():
         if split in found:
             common = getattr(trained, held_out) & getattr(found[split], held_out)
-            faults += [f"{split}: shares {held_out[:-1]} {item} with train" for item in sorted(common)[:3]]
+            faults += [
+                f"{split}: shares {held_out[:-1].replace('_', ' ')} {item} with train" for item in sorted(common)[:3]
+            ]
     if "unseen-template" in found and trained.problems & found["unseen-template"].problems:
         faults.append("unseen-template: shares problems with train")
     if "more-objects" in found and min(found["more-objects"].sizes) <= max(trained.sizes):

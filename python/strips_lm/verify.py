@@ -159,6 +159,7 @@ class _Checker:
         domain = Domain.parse(text, str(folder / "domain.pddl"))
         self._domain = domain.name
         self._fixed = len(domain.constants) + len(domain.pending)
+        self._actions = len(domain.actions)
         self._table = pq.read_table(folder / "problems.parquet")
         self._problems: list[Row] = self._table.to_pylist()
         self._prover = Prover(domain, [row["problem"] for row in self._problems])
@@ -211,7 +212,8 @@ class _Checker:
         problem = self._problems[row["problem_id"]]
         found.texts.add(text)
         found.names.update(row["names"][self._fixed :])
-        found.words.update(row["words"])
+        found.words.update(row["words"][: self._actions])
+        found.predicate_words.update(row["words"][self._actions :])
         found.problems.add(problem["canonical_hash"])
         found.templates.add(problem["template"])
         found.sizes.add(problem["num_objects"])

@@ -118,7 +118,7 @@ class Question:
 
 
 def synonyms(domain: str) -> dict[str, str]:
-    """The words for actions that models of a built-in domain may have been trained on."""
+    """The words for actions and predicates that models of a built-in domain may have been trained on."""
     from strips_lm.evaluate.suites import read_synonyms  # noqa: PLC0415
 
     return read_synonyms(Path(str(files("strips_lm") / "domains" / domain / "lexicon.toml")))

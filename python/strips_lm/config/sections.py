@@ -78,6 +78,8 @@ class DataConfig:
     """Share of records in the report's style, without types."""
     words_share: float = 0.5
     """Share of typed records with drawn words for actions and their legend."""
+    predicate_words: float = 0.0
+    """Share of records with such a legend whose predicates, too, go by drawn words."""
     shuffled_share: float = 0.0
     """Share of records whose goal and initial atoms are in random order."""
     made_up_share: float = 0.3

@@ -58,6 +58,7 @@ class DataFolder:
         self.domain_text = (self.path / "domain.pddl").read_text(encoding="utf-8")
         self.domain = _native.Domain.parse(self.domain_text, str(self.path / "domain.pddl"))
         self.actions = [name for name, _ in self.domain.actions]
+        self.predicates = [name for name, _ in self.domain.predicates]
         self.problems: list[str] = pq.read_table(self.path / "problems.parquet", columns=["problem"])[
             "problem"
         ].to_pylist()
@@ -103,20 +104,21 @@ class DataFolder:
         return found
 
     def words(self, item: Item) -> dict[str, str]:
-        """Every word that may stand for an action in the record, its own words first of all."""
+        """Every word that may stand for an action or a predicate in the record, its own words first of all."""
         return {
             **self.synonyms,
             **{name: name for name in self.actions},
-            **dict(zip(item.words, self.actions, strict=True)),
+            **dict(zip(item.words, [*self.actions, *self.predicates], strict=False)),
         }
 
 
 def read_synonyms(lexicon: Path) -> dict[str, str]:
-    """Each word of a lexicon with its action; nothing where there is no lexicon."""
+    """Each word of a lexicon with its action or predicate; nothing where there is no lexicon."""
     if not lexicon.is_file():
         return {}
-    table: dict[str, Any] = tomllib.loads(lexicon.read_text(encoding="utf-8")).get("actions", {})
-    return {word: action for action, lists in table.items() for words in lists.values() for word in words}
+    table: dict[str, Any] = tomllib.loads(lexicon.read_text(encoding="utf-8"))
+    named = [(name, lists) for section in ("predicates", "actions") for name, lists in table.get(section, {}).items()]
+    return {word: name for name, lists in named for words in lists.values() for word in words}
 
 
 def _read(files: Sequence[Path]) -> Iterator[Item]:

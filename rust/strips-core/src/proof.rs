@@ -47,7 +47,7 @@ pub struct Written<'a> {
     pub negative_step: usize,
     /// Object names, constants first.
     pub names: Vec<&'a str>,
-    /// Action words.
+    /// Action words and, in data sets where predicates have words too, predicates' words after them.
     pub words: Vec<&'a str>,
     /// The prompt's style.
     pub style: &'a str,
@@ -105,7 +105,8 @@ impl Prover {
         let known = self.known(record.problem_id).map_err(|fault| RecordFault::Problem(fault.clone()))?;
         let task = known.validator.task();
         let slots = slots(task, &record.names)?;
-        if record.words.len() != self.domain.actions.len() {
+        let actions = self.domain.actions.len();
+        if ![actions, actions + self.domain.predicates.len()].contains(&record.words.len()) {
             return Err(RecordFault::Words);
         }
         let prompt = prompt::Asked {
@@ -113,14 +114,14 @@ impl Prover {
             goal_style: GoalStyle::from_name(record.goal_style).ok_or(RecordFault::GoalStyle)?,
             goal: &known.goal,
         };
-        let uses_words = prompt::check(task, &prompt, record, &slots)?;
-        positive::check(task, record, &slots, uses_words)?;
+        let said = prompt::check(task, &prompt, record, &slots)?;
+        positive::check(task, record, &slots, said)?;
         self.check_verdicts(known, record)
     }
 
     /// What the validator says of both completions, and whether the negative is of its kind.
     fn check_verdicts(&self, known: &Known, record: &Written<'_>) -> Result<(), RecordFault> {
-        let words = self.actions(record);
+        let words = self.words(record);
         let objects: FxHashMap<&str, &str> = (record.names.iter().copied())
             .zip(known.validator.task().problem.objects.iter().map(|object| object.name.as_str()))
             .collect();
@@ -152,10 +153,11 @@ impl Prover {
         if made { Ok(()) } else { Err(RecordFault::Kind) }
     }
 
-    /// The domain's action for each word of the record.
-    fn actions(&self, record: &Written<'_>) -> HashMap<String, String, FxBuildHasher> {
-        let action = |(word, action): (&&str, &crate::pddl::ast::Action)| ((*word).to_owned(), action.name.clone());
-        record.words.iter().zip(&self.domain.actions).map(action).collect()
+    /// The domain's action or predicate for each word of the record.
+    fn words(&self, record: &Written<'_>) -> HashMap<String, String, FxBuildHasher> {
+        let actions = self.domain.actions.iter().map(|action| &action.name);
+        let names = actions.chain(self.domain.predicates.iter().map(|predicate| &predicate.name));
+        record.words.iter().zip(names).map(|(word, name)| ((*word).to_owned(), name.clone())).collect()
     }
 
     fn known(&self, id: usize) -> Result<&Known, &ProblemFault> {

@@ -1,7 +1,7 @@
 //! The text that models read and write. This module is the only place that knows what a prompt and a plan look like.
 //!
 //! ```text
-//! <|startoftext|> [<OBJECTS> cup vessel, shelf fixture ][<VOCAB> pick lift, place put ]<GOAL> on(cup, shelf) <INIT> …
+//! <|startoftext|> [<OBJECTS> cup vessel, shelf fixture ][<VOCAB> pick lift, place put[, on atop] ]<GOAL> on(cup, shelf) <INIT> …
 //!     <ACTION> lift(cup) <STATE> inhand(cup), … <ACTION> … <STATE> … <|endoftext|>
 //! ```
 //!
@@ -39,7 +39,7 @@ pub const ACTION: &str = "<ACTION>";
 pub const STATE: &str = "<STATE>";
 /// Before the objects and their types, in the typed style.
 pub const OBJECTS: &str = "<OBJECTS>";
-/// Before the words for the actions, in the typed style.
+/// Before the words for the actions and, where they have any, for the predicates, in the typed style.
 pub const VOCAB: &str = "<VOCAB>";
 /// Ends every text. GPT-2's own end token, which pads as well.
 pub const END: &str = "<|endoftext|>";
@@ -52,7 +52,7 @@ pub const ADDED_TOKENS: [&str; 7] = [START, GOAL, INIT, ACTION, STATE, OBJECTS, 
 pub enum Style {
     /// Nothing: exactly the report's layout.
     Paper,
-    /// The objects with their types, and the words for the actions where they are given.
+    /// The objects with their types, and the words for actions and predicates where they are given.
     Typed,
 }
 

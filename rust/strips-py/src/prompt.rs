@@ -8,6 +8,8 @@ use crate::task::Task;
 
 /// The prompt of a task: its objects with their types where `style` is `typed`, its goal as literals, its initial state.
 ///
+/// `words` has one for each action, then perhaps one for each predicate.
+///
 /// Raises `DataError` where the goal is no conjunction of literals or `style` is none.
 #[pyfunction]
 #[pyo3(signature = (task, style = "typed", words = None))]
@@ -17,10 +19,13 @@ pub fn render_prompt(task: &Task, style: &str, words: Option<Vec<String>>) -> Py
     let Some(goal) = text::goal_literals(domain, problem) else {
         return Err(DataError::new_err("the goal is no conjunction of literals, which is all that a prompt can say"));
     };
-    if words.as_ref().is_some_and(|words| words.len() != domain.actions.len()) {
-        return Err(DataError::new_err(format!("the domain has {} actions, each needs a word", domain.actions.len())));
+    let (actions, predicates) = (domain.actions.len(), domain.predicates.len());
+    let words = words.unwrap_or_default();
+    if ![0, actions, actions + predicates].contains(&words.len()) {
+        let needed = format!("{actions} actions and {predicates} predicates");
+        return Err(DataError::new_err(format!("{} words, but the domain has {needed}", words.len())));
     }
-    let naming = Naming { domain, objects: &problem.objects, names: None, words: words.as_deref() };
+    let naming = Naming { names: None, ..Naming::new(domain, &problem.objects, &[], &words) };
     let mut prompt = String::new();
     text::render_prompt(&naming, style, Goal::Problem(&goal), &task.core.atoms(&task.core.init), &mut prompt);
     Ok(prompt)

@@ -84,6 +84,12 @@ impl Legend {
         self.core.words.clone()
     }
 
+    /// The word for each predicate of the domain; empty where all go by their names.
+    #[getter]
+    fn predicates(&self) -> Vec<String> {
+        self.core.predicates.clone()
+    }
+
     /// The legend as JSON.
     fn to_json(&self) -> PyResult<String> {
         serde_json::to_string(&*self.core).map_err(|error| PyValueError::new_err(error.to_string()))
@@ -113,7 +119,7 @@ pub struct CanonicalCodec {
 
 #[pymethods]
 impl CanonicalCodec {
-    /// The codec of a domain, with the words that a lexicon (TOML) gives for its actions; `layout` is `difference` or
+    /// The codec of a domain, with the words that a lexicon (TOML) gives for its actions and predicates; `layout` is `difference` or
     /// `report`.
     #[new]
     #[pyo3(signature = (domain, lexicon = None, *, layout = "difference"))]

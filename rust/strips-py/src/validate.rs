@@ -145,8 +145,8 @@ pub fn split_plans(text: &str) -> Vec<(usize, &str)> {
     plan::split_plans(text)
 }
 
-/// Judges generated texts in parallel: parses each, maps its words back to the domain's actions by `words`, validates
-/// the plan against its own problem (PDDL text) and compares its states with the true ones.
+/// Judges generated texts in parallel: parses each, maps its words back to the domain's actions and predicates by
+/// `words`, validates the plan against its own problem (PDDL text) and compares its states with the true ones.
 ///
 /// Raises `PddlError` where a problem is wrong, `LimitError` where one is too large, `ValueError` where the lists differ
 /// in length.

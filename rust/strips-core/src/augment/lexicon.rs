@@ -1,4 +1,4 @@
-//! Names for objects and words for actions, read from TOML, each either trained or held out.
+//! Names for objects and words for actions and predicates, read from TOML, each either trained or held out.
 //!
 //! ```toml
 //! [objects.movable]
@@ -6,6 +6,8 @@
 //! held_out = ["kiwi"]
 //! [actions.pick]
 //! trained = ["pick", "lift"]
+//! [predicates.on]
+//! trained = ["on", "atop"]
 //! ```
 
 use std::ops::Range;
@@ -16,7 +18,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::error::{LexiconError, LexiconErrorKind};
 use crate::pddl::Source;
-use crate::pddl::ast::{ActionId, Domain, PredicateId, TypeId};
+use crate::pddl::ast::{ActionId, Domain, Predicate, PredicateId, TypeId};
 
 /// Whether a word may occur in training, or only in the suite that tests it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,6 +111,17 @@ impl Lexicon {
     /// Whether every action has a held-out word.
     pub fn has_held_out_words(&self) -> bool {
         self.actions.iter().all(|words| !words.held_out.is_empty())
+    }
+
+    /// Whether every predicate has a held-out word.
+    pub fn has_held_out_predicate_words(&self) -> bool {
+        self.predicates.iter().all(|words| !words.held_out.is_empty())
+    }
+
+    /// Whether some predicate has a trained word other than its name.
+    pub fn has_predicate_words(&self, domain: &Domain) -> bool {
+        let other = |(words, predicate): (&Words, &Predicate)| words.trained.iter().any(|word| *word != predicate.name);
+        self.predicates.iter().zip(&domain.predicates).any(other)
     }
 
     /// Whether some type has held-out names.

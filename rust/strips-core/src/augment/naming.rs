@@ -2,7 +2,7 @@
 
 use super::lexicon::{Hold, Lexicon};
 use super::made_up::made_up_word;
-use crate::pddl::ast::{ActionId, Domain, Object};
+use crate::pddl::ast::{ActionId, Domain, Object, PredicateId};
 use crate::random::Random;
 
 /// Where a record's object names come from.
@@ -26,6 +26,8 @@ pub struct Naming {
     pub names: Names,
     /// Which words actions take.
     pub words: Hold,
+    /// Which words predicates take.
+    pub predicates: Hold,
 }
 
 impl Naming {
@@ -74,12 +76,22 @@ impl Naming {
 
     /// A word for each action.
     pub fn draw_words(&self, domain: &Domain, lexicon: &Lexicon, random: &mut Random) -> Vec<String> {
-        let draw = |action: usize| {
-            let words = lexicon.words(ActionId::from(action), self.words);
-            if words.is_empty() { domain.actions[action].name.clone() } else { random.choice(words).clone() }
-        };
-        (0..domain.actions.len()).map(draw).collect()
+        let words = |action: usize| lexicon.words(ActionId::from(action), self.words);
+        let own = domain.actions.iter().map(|action| &action.name);
+        own.enumerate().map(|(action, own)| choose(words(action), own, random)).collect()
     }
+
+    /// A word for each predicate.
+    pub fn draw_predicate_words(&self, domain: &Domain, lexicon: &Lexicon, random: &mut Random) -> Vec<String> {
+        let words = |predicate: usize| lexicon.predicate_words(PredicateId::from(predicate), self.predicates);
+        let own = domain.predicates.iter().map(|predicate| &predicate.name);
+        own.enumerate().map(|(predicate, own)| choose(words(predicate), own, random)).collect()
+    }
+}
+
+/// One of the words, or `own` where there are none.
+fn choose(words: &[String], own: &str, random: &mut Random) -> String {
+    if words.is_empty() { own.to_owned() } else { random.choice(words).clone() }
 }
 
 fn fresh_made_up(lexicon: &Lexicon, hold: Hold, used: &[String], random: &mut Random) -> String {

@@ -239,6 +239,8 @@ pub struct Problem {
     pub goal: Condition,
     /// Whether `(:metric minimize (total-cost))` stands there.
     pub minimizes_cost: bool,
+    /// Where the goal was written.
+    pub goal_span: Span,
     /// Requirement flags as written, without the colon, in order.
     pub requirements: Vec<String>,
     /// What was accepted although the standard forbids it.

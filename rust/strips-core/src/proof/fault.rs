@@ -29,8 +29,8 @@ pub enum RecordFault {
     /// `names` is not one name for each object, all different, constants by their own.
     #[error("`names` does not name the problem's objects")]
     Names,
-    /// `words` is not one word for each action, or the prompt does not go by it.
-    #[error("`words` are not the words that the prompt gives for the actions")]
+    /// `words` is not one word for each action (and perhaps each predicate), or the prompt does not go by it.
+    #[error("`words` are not the words that the prompt gives for the actions and predicates")]
     Words,
     /// `style` is no style, or not the prompt's.
     #[error("`style` is not the prompt's")]

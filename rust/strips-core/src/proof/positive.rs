@@ -8,12 +8,12 @@ use crate::pddl::ast::ObjectId;
 use crate::task::{OperatorId, Task};
 use crate::text::{Naming, render_completion};
 
-/// Replays `plan` and prints its trace anew. `uses_words` tells whether the text calls actions by `words`.
+/// Replays `plan` and prints its trace anew. `said` is how many of `words` the text says.
 pub(super) fn check(
     task: &Task,
     record: &Written<'_>,
     slots: &FxHashMap<&str, ObjectId>,
-    uses_words: bool,
+    said: usize,
 ) -> Result<(), RecordFault> {
     let lines: Vec<&str> = record.plan.split('\n').collect();
     let plan = lines.iter().map(|line| operator(task, line, slots)).collect::<Option<Vec<OperatorId>>>();
@@ -22,8 +22,7 @@ pub(super) fn check(
         return Err(RecordFault::Steps);
     }
     let (steps, _) = trace(task, &plan);
-    let words = uses_words.then_some(&record.words[..]);
-    let naming = Naming { domain: &task.domain, objects: &task.problem.objects, names: Some(&record.names[..]), words };
+    let naming = Naming::new(&task.domain, &task.problem.objects, &record.names, &record.words[..said]);
     let mut printed = String::with_capacity(record.completion.len());
     render_completion(&naming, steps.iter().map(|step| (step.action, &step.args[..], &step.state[..])), &mut printed);
     if printed == record.completion { Ok(()) } else { Err(RecordFault::Completion) }

@@ -58,6 +58,8 @@ pub struct RecordConfig {
     pub paper_share: f64,
     /// Share of typed records whose actions are called by drawn words, with the legend; the rest use the domain's.
     pub words_share: f64,
+    /// Share of records with a legend whose predicates, too, are called by drawn words.
+    pub predicate_words: f64,
     /// Share of records whose initial and goal atoms are in random order.
     pub shuffled_share: f64,
     /// Share of objects that are called by made-up words.
@@ -98,6 +100,9 @@ pub enum ConfigMistake {
     /// A held-out template that there is not.
     #[error("`data.held_out_templates` names `{0}`, which is no template of this domain")]
     Template(String),
+    /// Words for predicates are asked for, and there are none.
+    #[error("`data.predicate_words` is positive, but the domain's lexicon gives no words for predicates")]
+    PredicateWords,
     /// The bounds of `longer` are in the wrong order.
     #[error("`data.longer_steps` must be two numbers above `data.max_steps`, the second not below the first")]
     Longer,
@@ -129,7 +134,7 @@ impl RecordConfig {
         self.check_negatives()
     }
 
-    fn shares(&self) -> [(&'static str, f64); 9] {
+    fn shares(&self) -> [(&'static str, f64); 10] {
         [
             ("validation_share", self.validation_share),
             ("template_share", self.template_share),
@@ -137,6 +142,7 @@ impl RecordConfig {
             ("state_goal_share", self.state_goal_share),
             ("paper_share", self.paper_share),
             ("words_share", self.words_share),
+            ("predicate_words", self.predicate_words),
             ("shuffled_share", self.shuffled_share),
             ("made_up_share", self.made_up_share),
             ("unseen_shapes_share", self.unseen_shapes_share),

@@ -27,9 +27,10 @@ struct Drawn<'b> {
     steps: Vec<Step>,
     last: State,
     names: Vec<String>,
+    /// A word for each action and, in data sets where predicates have words too, for each predicate.
     words: Vec<String>,
-    /// Whether the text calls actions by `words`, not by the domain's names.
-    uses_words: bool,
+    /// How many of `words` the text says: none, the actions', or all; the others are the domain's names.
+    said: usize,
     style: Style,
     negative: Negative,
 }
@@ -54,15 +55,36 @@ impl Book {
         let objects: &[Object] = &shape.task.problem.objects;
         let names = naming.draw_names(&self.domain, &self.lexicon, objects, &mut random.fork("names"));
         let mut random_style = random.fork("style");
-        let paper = random_style.chance(self.config.paper_share);
+        let paper = random_style.chance(split.paper_share(&self.config));
         let style = if paper { Style::Paper } else { Style::Typed };
         let uses_words = random_style.chance(split.words_share(&self.config)) || paper;
-        let own = || self.domain.actions.iter().map(|action| action.name.clone()).collect();
-        let drawn = || naming.draw_words(&self.domain, &self.lexicon, &mut random.fork("words"));
-        let words = if uses_words { drawn() } else { own() };
+        let (words, said) = self.draw_words(split, uses_words, paper, random);
         let weights = self.config.negative_weights();
         let negative = draw_negative(&shape.task, &shape.goal, &steps, &weights, &mut random.fork("negative"));
-        Drawn { shape, id, steps, last, names, words, uses_words, style, negative }
+        Drawn { shape, id, steps, last, names, words, said, style, negative }
+    }
+
+    /// Words for actions and, where the configuration has words for predicates, for these; and how many of them are said.
+    ///
+    /// Without a legend, as in the report's style (`paper`), a reader could not know what a predicate's word means.
+    fn draw_words(&self, split: Split, uses_words: bool, paper: bool, random: &Random) -> (Vec<String>, usize) {
+        let (domain, lexicon, naming) = (&self.domain, &self.lexicon, split.naming(&self.config));
+        let mut words = if uses_words {
+            naming.draw_words(domain, lexicon, &mut random.fork("words"))
+        } else {
+            domain.actions.iter().map(|action| action.name.clone()).collect()
+        };
+        let mut said = if uses_words { words.len() } else { 0 };
+        if self.config.predicate_words > 0.0 {
+            let mut random = random.fork("predicate words");
+            if random.chance(split.predicate_words(&self.config)) && uses_words && !paper {
+                words.extend(naming.draw_predicate_words(domain, lexicon, &mut random));
+                said = words.len();
+            } else {
+                words.extend(domain.predicates.iter().map(|predicate| predicate.name.clone()));
+            }
+        }
+        (words, said)
     }
 
     fn draw_shape(&self, split: Split, random: &mut Random) -> (usize, &Shape) {
@@ -73,9 +95,7 @@ impl Book {
 
     fn write_texts(&self, drawn: &Drawn<'_>, random: &mut Random, batch: &mut Batch) {
         let task = &drawn.shape.task;
-        let words = drawn.uses_words.then_some(&drawn.words[..]);
-        let naming =
-            Naming { domain: &self.domain, objects: &task.problem.objects, names: Some(&drawn.names[..]), words };
+        let naming = Naming::new(&self.domain, &task.problem.objects, &drawn.names, &drawn.words[..drawn.said]);
         let mut text = String::with_capacity(2048);
         self.write_prompt(&naming, drawn, random, &mut text);
         batch.prompt.push(&text);

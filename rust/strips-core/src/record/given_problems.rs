@@ -10,7 +10,7 @@ use super::stream::RecordError;
 use super::template_problems::solve;
 use crate::negative::Goal;
 use crate::pddl::ast::{Domain, Problem};
-use crate::pddl::{PddlError, Source as File, parse_problem};
+use crate::pddl::{PddlError, PddlErrorKind, Source as File, parse_problem};
 use crate::task::{Fact, LimitError};
 use crate::text::goal_literals;
 
@@ -22,15 +22,19 @@ pub(super) struct Given {
     file: String,
     /// The problem, its objects called by their slots.
     pub problem: Problem,
-    /// Its goal, where that is a conjunction of literals, as prompts need it.
-    goal: Option<Vec<(Fact, bool)>>,
+    /// Its goal's literals, or that it is no conjunction of literals, as prompts need it.
+    goal: Result<Vec<(Fact, bool)>, PddlError>,
 }
 
 impl Given {
     /// Reads one file.
     pub fn read(file: &File, domain: &Domain, domain_file: &File) -> Result<Self, PddlError> {
         let problem = slots(domain, parse_problem(file, domain, Some(domain_file))?);
-        let goal = goal_literals(domain, &problem).filter(|literals| !literals.is_empty());
+        let refused = || {
+            let (expected, found) = ("a conjunction of literals, as prompts say goals", "another condition".to_owned());
+            PddlError::new(PddlErrorKind::Expected { expected, found }, problem.goal_span, file)
+        };
+        let goal = goal_literals(domain, &problem).ok_or_else(refused);
         Ok(Self { file: file.name().to_owned(), problem, goal })
     }
 }
@@ -40,8 +44,9 @@ impl Given {
 /// # Errors
 /// A goal that no prompt can say, unless random goals are asked for, or a limit.
 pub(super) fn shapes(workshop: &Workshop, given: &[Given]) -> Result<(Vec<Shape>, Vec<String>), RecordError> {
-    if let Some(bad) = given.iter().find(|given| given.goal.is_none() && !workshop.config.random_goals) {
-        return Err(RecordError::Goal { file: bad.file.clone() });
+    let refused = given.iter().find_map(|given| given.goal.as_ref().err());
+    if let Some(error) = refused.filter(|_| !workshop.config.random_goals) {
+        return Err(RecordError::Goal(error.clone()));
     }
     let solved = given.par_iter().map(|given| one(workshop, given)).collect::<Result<Vec<_>, _>>()?;
     let steps = workshop.config.max_steps;
@@ -54,7 +59,7 @@ pub(super) fn shapes(workshop: &Workshop, given: &[Given]) -> Result<(Vec<Shape>
 }
 
 fn one(workshop: &Workshop, given: &Given) -> Result<Vec<Shape>, LimitError> {
-    let Some(literals) = &given.goal else { return Ok(Vec::new()) };
+    let Ok(literals) = &given.goal else { return Ok(Vec::new()) };
     let (task, goal) = (open_task(workshop, given.problem.clone())?, Goal::Literals(literals.clone()));
     let hash = hash_of(&task, &goal);
     let random = workshop.random(&format!("plans {hash:x}"));

@@ -22,6 +22,8 @@ pub enum Split {
     UnseenMadeUpNames,
     /// Held-out words for actions.
     UnseenActions,
+    /// Held-out words for predicates.
+    UnseenPredicates,
     /// Held-out problems.
     UnseenShapes,
     /// Held-out templates.
@@ -34,13 +36,14 @@ pub enum Split {
 
 impl Split {
     /// Every split, in the order in which they are written.
-    pub const ALL: [Split; 10] = [
+    pub const ALL: [Split; 11] = [
         Self::Train,
         Self::Validation,
         Self::Seen,
         Self::UnseenObjects,
         Self::UnseenMadeUpNames,
         Self::UnseenActions,
+        Self::UnseenPredicates,
         Self::UnseenShapes,
         Self::UnseenTemplate,
         Self::MoreObjects,
@@ -56,6 +59,7 @@ impl Split {
             Self::UnseenObjects => "unseen-objects",
             Self::UnseenMadeUpNames => "unseen-made-up-names",
             Self::UnseenActions => "unseen-actions",
+            Self::UnseenPredicates => "unseen-predicates",
             Self::UnseenShapes => "unseen-shapes",
             Self::UnseenTemplate => "unseen-template",
             Self::MoreObjects => "more-objects",
@@ -70,18 +74,29 @@ impl Split {
 
     /// How the split's records name things.
     pub(super) fn naming(self, config: &RecordConfig) -> Naming {
-        let trained = Names::Trained { made_up: config.made_up_share };
-        match self {
-            Self::UnseenObjects => Naming { names: Names::HeldOut, words: Hold::Trained },
-            Self::UnseenMadeUpNames => Naming { names: Names::MadeUp, words: Hold::Trained },
-            Self::UnseenActions => Naming { names: trained, words: Hold::HeldOut },
-            _ => Naming { names: trained, words: Hold::Trained },
-        }
+        let names = match self {
+            Self::UnseenObjects => Names::HeldOut,
+            Self::UnseenMadeUpNames => Names::MadeUp,
+            _ => Names::Trained { made_up: config.made_up_share },
+        };
+        let hold = |held_out| if held_out { Hold::HeldOut } else { Hold::Trained };
+        let (words, predicates) = (hold(self == Self::UnseenActions), hold(self == Self::UnseenPredicates));
+        Naming { names, words, predicates }
+    }
+
+    /// Share of the split's records in the report's style, which has no legend.
+    pub(super) fn paper_share(self, config: &RecordConfig) -> f64 {
+        if self == Self::UnseenPredicates { 0.0 } else { config.paper_share }
     }
 
     /// Share of the split's typed records that give the words for actions.
     pub(super) fn words_share(self, config: &RecordConfig) -> f64 {
-        if self == Self::UnseenActions { 1.0 } else { config.words_share }
+        if matches!(self, Self::UnseenActions | Self::UnseenPredicates) { 1.0 } else { config.words_share }
+    }
+
+    /// Share of the records with a legend that give words for predicates, too.
+    pub(super) fn predicate_words(self, config: &RecordConfig) -> f64 {
+        if self == Self::UnseenPredicates { 1.0 } else { config.predicate_words }
     }
 }
 

@@ -56,13 +56,8 @@ pub enum RecordError {
     #[error("{0}")]
     Config(#[from] ConfigMistake),
     /// A given problem's goal cannot be said in a prompt.
-    #[error(
-        "{file}: the goal is no conjunction of literals, which a prompt needs\nhint: `--random-goals` draws goals that are"
-    )]
-    Goal {
-        /// The problem's file.
-        file: String,
-    },
+    #[error("{0}\nhint: `--random-goals` draws goals that prompts can say")]
+    Goal(PddlError),
     /// A budget was spent.
     #[error("{0}")]
     Limit(#[from] LimitError),
@@ -97,6 +92,9 @@ impl RecordStream {
     pub fn new(files: &DomainFiles, config: RecordConfig, limits: Limits) -> Result<Self, RecordError> {
         config.check()?;
         let parts = read(files, config.random_goals)?;
+        if config.predicate_words > 0.0 && !parts.lexicon.has_predicate_words(&parts.domain) {
+            return Err(ConfigMistake::PredicateWords.into());
+        }
         let held_out = held_out(&parts.templates, &config)?;
         let workshop = Workshop { domain: parts.domain.clone(), config: &config, limits };
         let (given, left_out) = given_problems::shapes(&workshop, &parts.given)?;
@@ -126,6 +124,7 @@ impl RecordStream {
         let testable = match split {
             Split::UnseenObjects => lexicon.has_held_out_names(),
             Split::UnseenActions => lexicon.has_held_out_words(),
+            Split::UnseenPredicates => config.predicate_words > 0.0 && lexicon.has_held_out_predicate_words(),
             _ => true,
         };
         match split {

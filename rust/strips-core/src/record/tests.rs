@@ -53,6 +53,7 @@ pub(super) fn config() -> RecordConfig {
         state_goal_share: 0.5,
         paper_share: 0.2,
         words_share: 0.5,
+        predicate_words: 0.5,
         shuffled_share: 0.3,
         made_up_share: 0.3,
         unseen_shapes_share: 0.2,
@@ -121,6 +122,59 @@ fn every_kind_of_negative_occurs_with_its_proof() {
         assert!(verdicts.contains(kind.name()), "{verdicts:?}");
     }
     assert!((0..500).all(|row| batch.negative.get(row) != batch.completion.get(row)));
+}
+
+/// The record's words for predicates, and whether its prompt has a legend that gives them.
+fn predicate_words(batch: &Batch, row: usize) -> (Vec<&str>, bool) {
+    let place = |row: usize| batch.words.offsets[row].cast_unsigned() as usize;
+    let (start, end) = (place(row), place(row + 1));
+    let words = (start + 5..end).map(|word| batch.words.texts.get(word)).collect();
+    (words, batch.prompt.get(row).contains(", inhand "))
+}
+
+#[test]
+fn a_predicate_goes_by_one_word_throughout_a_record() {
+    let stream = stream(config());
+    let own = ["inhand", "inworkspace", "on", "in", "opened"];
+    for (split, share) in [(Split::Train, 0.1..0.3), (Split::UnseenPredicates, 1.0..1.1)] {
+        let batch = stream.batch(split, 0..60);
+        let mut given = 0;
+        for row in 0..60 {
+            let (words, legend) = predicate_words(&batch, row);
+            given += usize::from(legend);
+            assert!(legend || words == own, "{words:?}");
+            let (_, atoms) = batch.prompt.get(row).split_once("<GOAL>").unwrap();
+            for text in [atoms, batch.completion.get(row), batch.negative.get(row)] {
+                let text = text.replace("not ", "");
+                let said = text
+                    .split("<ACTION>")
+                    .flat_map(|step| step.split_once("<STATE>").map_or(step, |step| step.1).split("), "));
+                let said = said.filter_map(|atom| atom.split_once('(')).map(|atom| atom.0.rsplit(' ').next().unwrap());
+                assert!(said.clone().all(|word| words.contains(&word)), "{words:?}: {text}");
+            }
+        }
+        assert!(share.contains(&(f64::from(given as u32) / 60.0)), "{given} of {}", split.name());
+    }
+}
+
+#[test]
+fn words_for_predicates_change_nothing_but_words() {
+    let (with, without) = (stream(config()), stream(RecordConfig { predicate_words: 0.0, ..config() }));
+    for (split, records) in without.splits() {
+        let (with, without) = (with.batch(split, 0..records), without.batch(split, 0..records));
+        assert_eq!(
+            (with.plan, with.names, with.negative_verdict),
+            (without.plan, without.names, without.negative_verdict)
+        );
+    }
+    assert_eq!(without.len(Split::UnseenPredicates), 0);
+}
+
+#[test]
+fn words_for_predicates_need_a_lexicon_that_has_them() {
+    let files = DomainFiles { lexicon: None, ..manipulation() };
+    let refused = RecordStream::new(&files, config(), Limits::default()).err().unwrap();
+    assert!(matches!(refused, RecordError::Config(ConfigMistake::PredicateWords)), "{refused}");
 }
 
 #[test]

@@ -6,8 +6,9 @@
 //! ```
 //!
 //! What a small transformer finds hard is taken out (the text format stays what it is, and decoding gives its bytes):
-//! - Objects are slots `o0`, `o1`, …, in the order of `<OBJECTS>`, else of appearance; an action is its name in the
-//!   domain, whatever the word for it. Names and words are kept in the [`Legend`]; `<VOCAB>` disappears into it.
+//! - Objects are slots `o0`, `o1`, …, in the order of `<OBJECTS>`, else of appearance; an action or a predicate is its
+//!   name in the domain, whatever the word for it. Names and words are kept in the [`Legend`]; `<VOCAB>` disappears into
+//!   it.
 //! - `<INIT>` comes first. A goal that is a whole state is its difference from it: `goal+p` for what has to come,
 //!   `goal-p` for what has to go. A goal of literals begins with `<partial>` and keeps their order; a literal that holds
 //!   already is `goal=p`, or `goal!p` where negative.
@@ -41,7 +42,7 @@ use serde::{Deserialize, Serialize};
 
 pub use hints::{Hints, Rows};
 pub use legend::Legend;
-pub use signature::{PredicateSignature, Signature};
+pub use signature::{PredicateSignature, Signature, Synonyms};
 pub use vocabulary::{Vocabulary, Word};
 
 use crate::pddl::ast::Domain;
@@ -64,10 +65,11 @@ pub enum Layout {
 ///
 /// ```
 /// use strips_core::pddl::{parse_domain, Source};
-/// use strips_core::text::canonical::{Codec, Hints, Layout};
+/// use strips_core::text::canonical::{Codec, Hints, Layout, Synonyms};
 /// let domain = parse_domain(&Source::new("d", "(define (domain d) (:predicates (lit ?x)) (:action light :parameters (?x) :effect (lit ?x)))"))?;
-/// let codec = Codec::new(&[(&domain, vec![vec!["kindle".into()]])], Layout::Difference);
-/// let text = "<|startoftext|> <GOAL> lit(lamp) <INIT> <ACTION> kindle(lamp) <STATE> lit(lamp) <|endoftext|>";
+/// let synonyms = Synonyms { actions: vec![vec!["kindle".into()]], predicates: vec![vec!["aglow".into()]] };
+/// let codec = Codec::new(&[(&domain, synonyms)], Layout::Difference);
+/// let text = "<|startoftext|> <GOAL> aglow(lamp) <INIT> <ACTION> kindle(lamp) <STATE> aglow(lamp) <|endoftext|>";
 /// let (words, legend) = codec.encode(text, &Hints::default());
 /// assert_eq!(words, "<|startoftext|> <INIT> <GOAL> goal+lit o0 <ACTION> light o0 <STATE> +lit o0 <|endoftext|>");
 /// assert_eq!(codec.decode(&words, &legend), text);
@@ -119,13 +121,13 @@ pub struct EncodedIds {
 }
 
 impl Codec {
-    /// The codec of some domains, each with its actions' synonyms (by action; empty where there are none).
-    pub fn new(domains: &[(&Domain, Vec<Vec<String>>)], layout: Layout) -> Self {
+    /// The codec of some domains, each with the synonyms of its actions and predicates.
+    pub fn new(domains: &[(&Domain, Synonyms)], layout: Layout) -> Self {
         let signatures = domains.iter().map(|(domain, synonyms)| Signature::of(domain, synonyms)).collect();
         Self::from_signatures(signatures, layout)
     }
 
-    /// The codec of one domain, with the words that a lexicon (TOML) gives for its actions.
+    /// The codec of one domain, with the words that a lexicon (TOML) gives for its actions and predicates.
     ///
     /// # Errors
     /// [`CodecError::Lexicon`] where the lexicon is no TOML.

@@ -10,7 +10,7 @@ use super::{ACTION, END, GOAL, INIT, OBJECTS, START, VOCAB};
 pub struct Prompt<'a> {
     /// The objects in order of declaration, if the prompt names them.
     pub objects: Option<Vec<TypedName<'a>>>,
-    /// Pairs of an action's name and the word for it, if the prompt gives them.
+    /// Pairs of a name and the word for it, if the prompt gives them: all actions, then perhaps all predicates.
     pub vocab: Option<Vec<(&'a str, &'a str)>>,
     /// The goal's literals; the flag is false for `not …`.
     pub goal: Vec<(TextAtom<'a>, bool)>,

@@ -1,12 +1,15 @@
 //! From ids to text.
+//!
+//! A legend (`<VOCAB>`) has a word for each action and then, where predicates have words too, one for each of them. That
+//! order tells an action from a predicate of the same name, which PDDL allows.
 
 use super::{ACTION, END, GOAL, INIT, OBJECTS, START, STATE, Style, VOCAB};
 use crate::pddl::ast::{ActionId, Domain, GroundAtom, Object, ObjectId, PredicateId};
 
-/// What ids are called in a text: the domain's predicates, and names and words that may differ from the problem's own.
+/// What ids are called in a text: names and words that may differ from those of the domain and the problem.
 #[derive(Clone, Copy, Debug)]
 pub struct Naming<'a, S = String> {
-    /// Gives predicates and types their names, and actions theirs where there are no `words`.
+    /// Gives types their names, and actions and predicates theirs where there are no words.
     pub domain: &'a Domain,
     /// The objects, for their types and (where there are no `names`) names.
     pub objects: &'a [Object],
@@ -14,6 +17,8 @@ pub struct Naming<'a, S = String> {
     pub names: Option<&'a [S]>,
     /// A word for each action.
     pub words: Option<&'a [S]>,
+    /// A word for each predicate.
+    pub predicates: Option<&'a [S]>,
 }
 
 /// A goal to be rendered.
@@ -28,11 +33,18 @@ pub enum Goal<'a> {
 impl<'a> Naming<'a> {
     /// The names that the domain and the problem themselves give.
     pub fn own(domain: &'a Domain, objects: &'a [Object]) -> Self {
-        Self { domain, objects, names: None, words: None }
+        Self { domain, objects, names: None, words: None, predicates: None }
     }
 }
 
 impl<'a, S: AsRef<str>> Naming<'a, S> {
+    /// Drawn names, and words: none, one for each action, or one for each action and then for each predicate.
+    pub fn new(domain: &'a Domain, objects: &'a [Object], names: &'a [S], words: &'a [S]) -> Self {
+        let (actions, predicates) = words.split_at(words.len().min(domain.actions.len()));
+        let some = |words: &'a [S]| (!words.is_empty()).then_some(words);
+        Self { domain, objects, names: Some(names), words: some(actions), predicates: some(predicates) }
+    }
+
     /// The object's name.
     pub fn object(&self, object: ObjectId) -> &'a str {
         match self.names {
@@ -49,8 +61,12 @@ impl<'a, S: AsRef<str>> Naming<'a, S> {
         }
     }
 
-    fn predicate(&self, predicate: PredicateId) -> &'a str {
-        &self.domain.predicates[predicate.index()].name
+    /// The predicate's word.
+    pub fn predicate(&self, predicate: PredicateId) -> &'a str {
+        match self.predicates {
+            Some(words) => words[predicate.index()].as_ref(),
+            None => &self.domain.predicates[predicate.index()].name,
+        }
     }
 }
 
@@ -140,13 +156,20 @@ fn render_objects<S: AsRef<str>>(naming: &Naming<'_, S>, out: &mut String) {
 }
 
 fn render_vocab<S: AsRef<str>>(naming: &Naming<'_, S>, out: &mut String) {
-    let Some(words) = naming.words else { return };
+    if naming.words.is_none() && naming.predicates.is_none() {
+        return;
+    }
     segment(VOCAB, out);
-    for (position, (action, word)) in naming.domain.actions.iter().zip(words).enumerate() {
+    let domain = naming.domain;
+    let action = |id: usize| (&domain.actions[id].name, naming.action(ActionId::from(id)));
+    let predicate = |id: usize| (&domain.predicates[id].name, naming.predicate(PredicateId::from(id)));
+    let predicates = if naming.predicates.is_some() { domain.predicates.len() } else { 0 };
+    let pairs = (0..domain.actions.len()).map(action).chain((0..predicates).map(predicate));
+    for (position, (name, word)) in pairs.enumerate() {
         out.push_str(if position == 0 { " " } else { ", " });
-        out.push_str(&action.name);
+        out.push_str(name);
         out.push(' ');
-        out.push_str(word.as_ref());
+        out.push_str(word);
     }
 }
 

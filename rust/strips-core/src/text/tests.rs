@@ -111,7 +111,7 @@ fn figure_4() -> (Vec<Object>, Vec<GroundAtom>, Vec<Step>) {
 fn the_figure_of_the_report_is_rendered_to_the_letter() {
     let domain = manipulation();
     let (objects, init, steps) = figure_4();
-    let naming = Naming { domain: &domain, objects: &objects, names: None, words: Some(&WORDS[..]) };
+    let naming = Naming { domain: &domain, objects: &objects, names: None, words: Some(&WORDS[..]), predicates: None };
     let goal = steps.last().map(|step| step.2.clone()).unwrap();
     let steps = steps.iter().map(|(action, args, state)| (*action, &args[..], &state[..]));
     assert_eq!(render_record(&naming, Style::Paper, Goal::State(&goal), &init, steps), FIGURE_4);
@@ -122,7 +122,13 @@ fn the_typed_style_says_types_and_words() {
     let domain = manipulation();
     let (objects, init, _) = figure_4();
     let names = ["bench", "sachet", "mug", "rack"];
-    let naming = Naming { domain: &domain, objects: &objects, names: Some(&names[..]), words: Some(&WORDS[..]) };
+    let naming = Naming {
+        domain: &domain,
+        objects: &objects,
+        names: Some(&names[..]),
+        words: Some(&WORDS[..]),
+        predicates: None,
+    };
     let goal = [(atom(2, &[2, 0]), true), (atom(4, &[2]), false)];
     let mut text = String::new();
     render_prompt(&naming, Style::Typed, Goal::Problem(&goal), &init[3..], &mut text);
@@ -137,6 +143,23 @@ fn the_typed_style_says_types_and_words() {
     assert_eq!(prompt.vocab.unwrap()[1], ("place", "put"));
     assert_eq!(prompt.goal.iter().map(|literal| literal.1).collect::<Vec<_>>(), [true, false]);
     assert_eq!(prompt.init.len(), 2);
+}
+
+#[test]
+fn a_legend_may_say_words_for_predicates_after_those_for_actions() {
+    let domain = manipulation();
+    let (objects, init, _) = figure_4();
+    let names = ["bench", "sachet", "mug", "rack"];
+    let words = [&WORDS[..], &["held", "near", "atop", "inside", "opened"]].concat();
+    let naming = Naming::new(&domain, &objects, &names, &words);
+    let mut text = String::new();
+    render_prompt(&naming, Style::Typed, Goal::Problem(&[(atom(2, &[2, 0]), true)]), &init[2..], &mut text);
+    assert_eq!(
+        text.split_once(" <VOCAB>").unwrap().1,
+        " pick lift, place put, push push, open open, close close, inhand held, inworkspace near, on atop, in inside, \
+         opened opened <GOAL> atop(mug, bench) <INIT> near(mug), atop(sachet, rack), atop(mug, rack)"
+    );
+    assert_eq!(parse_prompt(&text).unwrap().vocab.unwrap()[7], ("on", "atop"));
 }
 
 #[test]
@@ -199,7 +222,7 @@ proptest! {
     fn what_is_rendered_is_read_back(atoms in proptest::collection::vec((0u32..5, [0u32..4, 0..4, 0..4]), 0..9)) {
         let domain = manipulation();
         let (objects, _, _) = figure_4();
-        let naming = Naming { domain: &domain, objects: &objects, names: None, words: Some(&WORDS[..]) };
+        let naming = Naming { domain: &domain, objects: &objects, names: None, words: Some(&WORDS[..]), predicates: None };
         let state: Vec<_> = atoms.iter().map(|(predicate, args)| {
             atom(*predicate, &args[..domain.predicates[*predicate as usize].parameters.len()])
         }).collect();

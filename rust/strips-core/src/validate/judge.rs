@@ -54,8 +54,8 @@ pub enum JudgeError {
     },
 }
 
-/// Judges one completion. `words` gives the domain's action for a word of the text; a word that it does not hold stands
-/// for itself.
+/// Judges one completion. `words` gives the domain's action or predicate for a word of the text; a word that it does not
+/// hold, and a predicate's own name, stands for itself.
 pub fn judge<S: BuildHasher>(
     validator: &Validator,
     completion: &Completion,
@@ -67,7 +67,8 @@ pub fn judge<S: BuildHasher>(
         completion.steps.iter().map(|step| (action(step.action.name), step.action.args.as_slice())).collect();
     let (operators, verdict) = run(validator, &steps);
     let states: Vec<Option<Vec<TextAtom>>> = completion.steps.iter().map(|step| step.state.clone()).collect();
-    let trace = compare(task, validator.lookup(), &operators, &states);
+    let predicate = |word: &str| words.get(word).and_then(|name| task.domain.predicate(name));
+    let trace = compare(task, validator.lookup(), &operators, &states, &predicate);
     let verdict = completion.malformed.map_or(verdict, |malformed| {
         Verdict::wrong(Outcome::Syntax, format!("the text makes no sense from {malformed}"))
     });
@@ -113,7 +114,7 @@ fn plan_line(name: &str, args: &[&str]) -> String {
 
 /// Judges many completions, each against a problem of its own, in parallel; equal problems are grounded once.
 ///
-/// `words[i]` gives the domain's action for a word of completion `i`; words that it does not hold stand for themselves.
+/// `words[i]` gives the domain's action or predicate for a word of completion `i`, as for [`judge`].
 ///
 /// # Errors
 /// When a problem cannot be read or grounded within `limits`, the lists differ in length, or the work is interrupted.

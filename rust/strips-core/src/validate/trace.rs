@@ -1,7 +1,7 @@
 //! Whether the states that a text says are the true ones.
 
 use super::lookup::Lookup;
-use crate::pddl::ast::GroundAtom;
+use crate::pddl::ast::{GroundAtom, PredicateId};
 use crate::task::{OperatorId, Task};
 use crate::text::TextAtom;
 
@@ -26,14 +26,18 @@ pub struct Trace {
 /// after step `i`, if anything. States are whole (static atoms too, derived ones not); order and repetition in them do not
 /// matter.
 pub fn check_trace(task: &Task, operators: &[OperatorId], states: &[Option<Vec<TextAtom>>]) -> Trace {
-    compare(task, &Lookup::new(task), operators, states)
+    compare(task, &Lookup::new(task), operators, states, &|_| None)
 }
+
+/// The predicate of a word that is no predicate's name, where there is one.
+pub(super) type PredicateWords<'w> = dyn Fn(&str) -> Option<PredicateId> + 'w;
 
 pub(super) fn compare(
     task: &Task,
     lookup: &Lookup,
     operators: &[OperatorId],
     states: &[Option<Vec<TextAtom>>],
+    words: &PredicateWords<'_>,
 ) -> Trace {
     let mut trace = Trace::default();
     let mut state = task.init.clone();
@@ -45,7 +49,7 @@ pub(super) fn compare(
         let Some(said) = said else { continue };
         trace.states += 1;
         let truth = if operator.is_some() { task.atoms_by_reference(&state) } else { Vec::new() };
-        let difference = Difference::of(task, lookup, &truth, said);
+        let difference = Difference::of(task, &|atom| resolve(task, lookup, atom, words), &truth, said);
         if operator.is_some() && difference.is_none() {
             trace.right += 1;
         } else if trace.first_wrong.is_none() {
@@ -65,11 +69,16 @@ struct Difference {
 
 impl Difference {
     /// What two states differ in; none if they are the same.
-    fn of(task: &Task, lookup: &Lookup, truth: &[&GroundAtom], said: &[TextAtom]) -> Option<Self> {
+    fn of(
+        task: &Task,
+        resolve: &dyn Fn(&TextAtom) -> Option<GroundAtom>,
+        truth: &[&GroundAtom],
+        said: &[TextAtom],
+    ) -> Option<Self> {
         let mut known = Vec::with_capacity(said.len());
         let mut surplus = Vec::new();
         for atom in said {
-            match resolve(task, lookup, atom) {
+            match resolve(atom) {
                 Some(atom) => known.push(atom),
                 None => surplus.push(format!("({})", [&[atom.name], atom.args.as_slice()].concat().join(" "))),
             }
@@ -90,9 +99,9 @@ impl Difference {
     }
 }
 
-fn resolve(task: &Task, lookup: &Lookup, atom: &TextAtom) -> Option<GroundAtom> {
+fn resolve(task: &Task, lookup: &Lookup, atom: &TextAtom, words: &PredicateWords<'_>) -> Option<GroundAtom> {
     let name = atom.name.to_ascii_lowercase();
-    let predicate = task.domain.predicate(&name)?;
+    let predicate = task.domain.predicate(&name).or_else(|| words(atom.name))?;
     let args = atom.args.iter().map(|arg| lookup.object(arg)).collect::<Option<Vec<_>>>()?;
     (task.domain.predicates[predicate.index()].parameters.len() == args.len()).then_some(GroundAtom { predicate, args })
 }

@@ -303,6 +303,7 @@ impl Maker {
             costs: vec![],
             goal,
             minimizes_cost: false,
+            goal_span: Span::default(),
             requirements: vec![],
             warnings: vec![],
         }

@@ -182,6 +182,7 @@ fn problem() -> Problem {
         costs: vec![],
         goal: Condition::And(vec![]),
         minimizes_cost: false,
+        goal_span: Span::default(),
         requirements: vec![],
         warnings: vec![],
     }

@@ -163,5 +163,6 @@ fn problem(domain: &Domain, name: &str, objects: Vec<Object>, mut init: Vec<Grou
     init.sort_unstable();
     let requirements = domain.requirements.clone();
     let (name, costs, warnings) = (name.to_owned(), Vec::new(), Vec::new());
-    Problem { name, objects, init, costs, goal, minimizes_cost: false, requirements, warnings }
+    let (minimizes_cost, goal_span) = (false, Span::default());
+    Problem { name, objects, init, costs, goal, minimizes_cost, goal_span, requirements, warnings }
 }

@@ -54,7 +54,7 @@ pub(super) fn read<'a>(tree: &'a Tree, domain: &'a Domain) -> Result<Problem, Pr
     check_pending(&names, domain, home)?;
     let (init, costs) = Init::read(&mut names, sections.require(":init")?)?;
     names.warnings.extend(unvalued(domain, &costs, home));
-    let goal = names.condition(goal, &mut Vec::new())?;
+    let (goal, goal_span) = (names.condition(goal, &mut Vec::new())?, goal.span());
     let minimizes_cost = sections.get(":metric").map_or(Ok(false), |items| metric(&mut names, items))?;
     sections.items(":length").for_each(|item| {
         names.warnings.push(Warning { message: "`:length` is ignored".to_owned(), span: item.span() });
@@ -62,7 +62,7 @@ pub(super) fn read<'a>(tree: &'a Tree, domain: &'a Domain) -> Result<Problem, Pr
     let declared = [domain.requirements.as_slice(), &requirements].concat();
     names.warnings.extend(names.uses.undeclared(&declared));
     let (name, objects, warnings) = (sections.name.to_owned(), names.objects, names.warnings);
-    Ok(Problem { name, objects, init, costs, goal, minimizes_cost, requirements, warnings })
+    Ok(Problem { name, objects, init, costs, goal, minimizes_cost, goal_span, requirements, warnings })
 }
 
 fn goal_item(mut items: Items<'_>) -> Result<Item<'_>, Fault> {

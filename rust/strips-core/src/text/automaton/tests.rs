@@ -8,7 +8,7 @@ use crate::random::Random;
 use crate::search::{PlanSet, Semantics};
 use crate::task::ground;
 use crate::task::limits::Limits;
-use crate::text::canonical::Hints;
+use crate::text::canonical::{Hints, Synonyms};
 use crate::text::{Goal, Naming, Style, goal_literals, parse_completion, render_completion, render_prompt};
 use crate::validate::validate_operators;
 
@@ -49,7 +49,7 @@ struct Scene {
 impl Scene {
     fn new(layout: Layout, stop_at_goal: bool) -> Self {
         let task = lamps();
-        let codec = Arc::new(Codec::new(&[(&task.domain, vec![])], layout));
+        let codec = Arc::new(Codec::new(&[(&task.domain, Synonyms::default())], layout));
         let names: Vec<String> = ["hall", "loft", "ruby", "azure"].map(str::to_owned).to_vec();
         let mut scene = Self {
             spoken: Arc::new(SpokenTask::new(
@@ -71,7 +71,7 @@ impl Scene {
     }
 
     fn naming(&self) -> Naming<'_, String> {
-        Naming { domain: &self.task.domain, objects: &self.task.problem.objects, names: Some(&self.names), words: None }
+        Naming::new(&self.task.domain, &self.task.problem.objects, &self.names, &[])
     }
 
     fn speak(&mut self, stop_at_goal: bool) {

@@ -65,6 +65,10 @@ impl<'a> Decoder<'a> {
         Self { codec, signature, tables, legend, strange, before: Vec::new(), out: String::with_capacity(1024) }
     }
 
+    fn speech(&self) -> Speech<'a, String> {
+        Speech { signature: self.signature, names: &self.legend.names, predicates: &self.legend.predicates }
+    }
+
     fn prompt(&mut self, words: &[Word]) {
         let (head, segments) = segments(words);
         let find = |wanted: Marker| segments.iter().find(|segment| segment.0 == wanted).map(|segment| segment.1);
@@ -164,7 +168,7 @@ impl<'a> Decoder<'a> {
     fn literal(&mut self, atom: Packed, positive: bool, first: bool) {
         self.out.push_str(if first { " " } else { ", " });
         self.out.push_str(if positive { "" } else { "not " });
-        write_atom(self.signature, &self.legend.names, atom, &mut self.out);
+        self.speech().write_atom(atom, &mut self.out);
     }
 
     fn completion(&mut self, words: &[Word]) {
@@ -201,7 +205,7 @@ impl<'a> Decoder<'a> {
         self.out.push(' ');
         let word = self.legend.words.get(action).unwrap_or(&self.signature.actions[action].0);
         self.out.push_str(word);
-        write_args(&self.legend.names, slots.into_iter(), &mut self.out);
+        self.speech().write_args(slots.into_iter(), &mut self.out);
         Some(())
     }
 
@@ -271,11 +275,11 @@ impl<'a> Decoder<'a> {
     }
 
     fn write(&mut self, atoms: &[Packed]) {
-        write_atoms(self.signature, &self.legend.names, atoms, &mut self.out);
+        self.speech().write_atoms(atoms, &mut self.out);
     }
 
     fn name(&mut self, slot: u16) {
-        write_name(&self.legend.names, slot, &mut self.out);
+        self.speech().write_name(slot, &mut self.out);
     }
 
     /// The bare words.
@@ -297,35 +301,47 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// Appends atoms, each after a space, commas between them.
-pub(super) fn write_atoms<S: AsRef<str>>(signature: &Signature, names: &[S], atoms: &[Packed], out: &mut String) {
-    for (position, &atom) in atoms.iter().enumerate() {
-        out.push_str(if position == 0 { " " } else { ", " });
-        write_atom(signature, names, atom, out);
-    }
+/// How one text says atoms.
+pub(super) struct Speech<'a, N, P = N> {
+    pub signature: &'a Signature,
+    /// The object of each slot.
+    pub names: &'a [N],
+    /// The word for each predicate; empty where all go by their names.
+    pub predicates: &'a [P],
 }
 
-fn write_atom<S: AsRef<str>>(signature: &Signature, names: &[S], atom: Packed, out: &mut String) {
-    let predicate = &signature.predicates[usize::from(atom.predicate())];
-    out.push_str(&predicate.name);
-    write_args(names, (0..predicate.arity).map(|position| atom.arg(position)), out);
-}
-
-fn write_args<S: AsRef<str>>(names: &[S], slots: impl Iterator<Item = u16>, out: &mut String) {
-    out.push('(');
-    for (position, slot) in slots.enumerate() {
-        if position > 0 {
-            out.push_str(", ");
+impl<N: AsRef<str>, P: AsRef<str>> Speech<'_, N, P> {
+    /// Appends atoms, each after a space, commas between them.
+    pub fn write_atoms(&self, atoms: &[Packed], out: &mut String) {
+        for (position, &atom) in atoms.iter().enumerate() {
+            out.push_str(if position == 0 { " " } else { ", " });
+            self.write_atom(atom, out);
         }
-        write_name(names, slot, out);
     }
-    out.push(')');
-}
 
-/// The slot's name, or `#n` where it has none: no object is called so.
-fn write_name<S: AsRef<str>>(names: &[S], slot: u16, out: &mut String) {
-    match names.get(usize::from(slot)) {
-        Some(name) => out.push_str(name.as_ref()),
-        None => write_number('#', u32::from(slot), out),
+    fn write_atom(&self, atom: Packed, out: &mut String) {
+        let number = usize::from(atom.predicate());
+        let predicate = &self.signature.predicates[number];
+        out.push_str(self.predicates.get(number).map_or(&predicate.name, AsRef::as_ref));
+        self.write_args((0..predicate.arity).map(|position| atom.arg(position)), out);
+    }
+
+    fn write_args(&self, slots: impl Iterator<Item = u16>, out: &mut String) {
+        out.push('(');
+        for (position, slot) in slots.enumerate() {
+            if position > 0 {
+                out.push_str(", ");
+            }
+            self.write_name(slot, out);
+        }
+        out.push(')');
+    }
+
+    /// The slot's name, or `#n` where it has none: no object is called so.
+    fn write_name(&self, slot: u16, out: &mut String) {
+        match self.names.get(usize::from(slot)) {
+            Some(name) => out.push_str(name.as_ref()),
+            None => write_number('#', u32::from(slot), out),
+        }
     }
 }

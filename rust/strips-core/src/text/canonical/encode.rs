@@ -48,6 +48,8 @@ struct Encoder<'c, 't, 'w> {
     names: Vec<&'t str>,
     /// By action: its word, where one is settled.
     action_words: Vec<Option<&'t str>>,
+    /// By predicate: its word, where one is settled.
+    predicate_words: Vec<Option<&'t str>>,
     atoms: Vec<Packed>,
     goal: Atoms,
     init: Atoms,
@@ -65,7 +67,8 @@ struct Encoder<'c, 't, 'w> {
 impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
     fn new(codec: &'c Codec, hints: &'c Hints<'t>, words: &'w mut Vec<Word>) -> Self {
         let (signature, tables) = codec.tables(hints.domain);
-        let given = |action: usize| hints.words.and_then(|words| words.get(action)).map(String::as_str);
+        let actions = signature.actions.len();
+        let given = |place: usize| hints.words.and_then(|words| words.get(place)).map(String::as_str);
         Self {
             codec,
             signature,
@@ -74,7 +77,8 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
             words,
             slots: FxHashMap::default(),
             names: Vec::new(),
-            action_words: (0..signature.actions.len()).map(given).collect(),
+            action_words: (0..actions).map(given).collect(),
+            predicate_words: (actions..actions + signature.predicates.len()).map(given).collect(),
             atoms: Vec::new(),
             goal: 0..0,
             init: 0..0,
@@ -153,11 +157,16 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
         }
     }
 
+    /// Takes the words of a legend: actions come first, so a name that an action has means a predicate only the second time.
     fn vocab(&mut self, tail: &'t str) {
         self.exceptions.vocab = Some(tail.to_owned());
+        let mut said = vec![false; self.signature.actions.len()];
         for (name, word) in content(tail).and_then(|content| whole(content, pairs)).unwrap_or_default() {
-            if let Some(action) = self.signature.actions.iter().position(|action| action.0 == name) {
+            let action = self.signature.actions.iter().position(|action| action.0 == name);
+            if let Some(action) = action.filter(|&action| !std::mem::replace(&mut said[action], true)) {
                 self.action_words[action] = Some(word);
+            } else if let Some(predicate) = self.signature.predicates.iter().position(|known| known.name == name) {
+                self.predicate_words[predicate] = Some(word);
             }
         }
     }
@@ -224,7 +233,15 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
         let own = self.signature.actions.iter().map(|action| &action.0[..]);
         let words = self.action_words.iter().zip(own).map(|(word, own)| word.unwrap_or(own).to_owned()).collect();
         let names = self.names.iter().map(|&name| name.to_owned()).collect();
-        Legend { domain: self.hints.domain, names, ranks: self.ranks, words, exceptions: self.exceptions }
+        let predicates = self.spoken_predicates().into_iter().map(str::to_owned).collect();
+        Legend { domain: self.hints.domain, names, ranks: self.ranks, words, predicates, exceptions: self.exceptions }
+    }
+
+    /// The word for each predicate; none where all go by their names.
+    fn spoken_predicates(&self) -> Vec<&'c str> {
+        let words = self.predicate_words.iter().zip(&self.signature.predicates);
+        let words = words.map(|(word, predicate)| (word.unwrap_or(&predicate.name), &predicate.name[..]));
+        if words.clone().all(|(word, own)| word == own) { Vec::new() } else { words.map(|(word, _)| word).collect() }
     }
 }
 

@@ -9,7 +9,7 @@ pub struct Hints<'a> {
     pub domain: usize,
     /// Object names in order of declaration, from which the order of atoms in states follows.
     pub names: Option<&'a [String]>,
-    /// The word for each action.
+    /// The word for each action, then, where they are more than that, for each predicate.
     pub words: Option<&'a [String]>,
     /// Whether the goal is a whole state. Without it that is guessed, as the text does not say: whole is a goal without
     /// negative literals, in the order of predicates, with all static atoms and two fifths of the predicates of the
@@ -24,7 +24,7 @@ pub struct Rows<'a> {
     pub domains: Option<&'a [usize]>,
     /// By row: object names.
     pub names: Option<&'a [Vec<String>]>,
-    /// By row: words for actions.
+    /// By row: words for actions and, after them, predicates.
     pub words: Option<&'a [Vec<String>]>,
     /// By row: whether the goal is a whole state.
     pub goal_styles: Option<&'a [GoalStyle]>,

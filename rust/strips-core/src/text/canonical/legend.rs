@@ -13,6 +13,9 @@ pub struct Legend {
     pub ranks: Vec<u16>,
     /// The word for each action.
     pub words: Vec<String>,
+    /// The word for each predicate; empty where all go by their names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub predicates: Vec<String>,
     /// What follows the prompt's markers where canonical words do not say it to the byte.
     #[serde(default, skip_serializing_if = "Exceptions::is_empty")]
     pub exceptions: Exceptions,

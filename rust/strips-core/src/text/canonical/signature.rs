@@ -20,6 +20,18 @@ pub struct Signature {
     pub actions: Vec<(String, usize)>,
     /// For each action, other words for it.
     pub synonyms: Vec<Vec<String>>,
+    /// For each predicate, other words for it; empty in codecs saved before predicates could have any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub predicate_synonyms: Vec<Vec<String>>,
+}
+
+/// Other words for a domain's actions and predicates, each by position; empty where there are none.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Synonyms {
+    /// By action.
+    pub actions: Vec<Vec<String>>,
+    /// By predicate.
+    pub predicates: Vec<Vec<String>>,
 }
 
 /// A predicate's name and arity.
@@ -34,8 +46,8 @@ pub struct PredicateSignature {
 }
 
 impl Signature {
-    /// The signature of a domain whose actions have these other words.
-    pub fn of(domain: &Domain, synonyms: &[Vec<String>]) -> Self {
+    /// The signature of a domain whose actions and predicates have these other words.
+    pub fn of(domain: &Domain, synonyms: &Synonyms) -> Self {
         let mut fluent = vec![false; domain.predicates.len()];
         domain.actions.iter().for_each(|action| mark_changed(&action.effect, &mut fluent));
         let predicate = |(predicate, fluent): (&crate::pddl::ast::Predicate, bool)| PredicateSignature {
@@ -48,21 +60,24 @@ impl Signature {
             types: domain.types.iter().map(|kind| kind.name.clone()).collect(),
             predicates: domain.predicates.iter().zip(fluent).map(predicate).collect(),
             actions: domain.actions.iter().map(|action| (action.name.clone(), action.parameters.len())).collect(),
-            synonyms: synonyms.to_vec(),
+            synonyms: synonyms.actions.clone(),
+            predicate_synonyms: synonyms.predicates.clone(),
         }
     }
 }
 
-/// For each action the words that a lexicon's table `[actions.<name>]` lists.
-pub(super) fn synonyms_in(lexicon: &str, domain: &Domain) -> Result<Vec<Vec<String>>, toml::de::Error> {
+/// The words that a lexicon's tables `[actions.<name>]` and `[predicates.<name>]` list.
+pub(super) fn synonyms_in(lexicon: &str, domain: &Domain) -> Result<Synonyms, toml::de::Error> {
     let lexicon: toml::Table = lexicon.parse()?;
-    let words = |action: &crate::pddl::ast::Action| {
-        let table =
-            lexicon.get("actions").and_then(|actions| actions.get(&action.name)).and_then(toml::Value::as_table);
+    let words = |section: &str, name: &str| {
+        let table = lexicon.get(section).and_then(|section| section.get(name)).and_then(toml::Value::as_table);
         let lists = table.into_iter().flat_map(|table| table.values()).filter_map(toml::Value::as_array).flatten();
         lists.filter_map(|word| word.as_str().map(str::to_owned)).collect()
     };
-    Ok(domain.actions.iter().map(words).collect())
+    Ok(Synonyms {
+        actions: domain.actions.iter().map(|action| words("actions", &action.name)).collect(),
+        predicates: domain.predicates.iter().map(|predicate| words("predicates", &predicate.name)).collect(),
+    })
 }
 
 fn mark_changed(effect: &Effect, fluent: &mut [bool]) {
@@ -80,9 +95,10 @@ fn mark_changed(effect: &Effect, fluent: &mut [bool]) {
 #[derive(Clone, Debug)]
 pub(crate) struct Tables {
     pub(super) types: FxHashMap<String, Word>,
+    /// By name or synonym: predicate, where canonical words can say it.
     pub(super) predicates: FxHashMap<String, u16>,
-    /// By word: action.
-    pub(super) synonyms: FxHashMap<String, u16>,
+    /// By name or synonym: action.
+    pub(super) actions_by_word: FxHashMap<String, u16>,
     pub(crate) action_words: Vec<Word>,
     /// By predicate and sign.
     predicate_words: Vec<[Word; SIGNS.len()]>,
@@ -100,13 +116,13 @@ impl Tables {
         let sign_of = |(predicate, words): (usize, &[Word; SIGNS.len()])| {
             SIGNS.map(|(sign, _)| (words[sign as usize], (sign, predicate as u16)))
         };
-        let small = |(number, predicate): (usize, &PredicateSignature)| {
-            (predicate.arity <= Packed::MAX_ARITY).then(|| (predicate.name.clone(), number as u16))
-        };
+        let mut predicates =
+            by_word(signature.predicates.iter().map(|predicate| &predicate.name), &signature.predicate_synonyms);
+        predicates.retain(|_, predicate| signature.predicates[usize::from(*predicate)].arity <= Packed::MAX_ARITY);
         Self {
             types: signature.types.iter().map(|name| (name.clone(), id(&plain(name)))).collect(),
-            predicates: signature.predicates.iter().enumerate().filter_map(small).collect(),
-            synonyms: synonyms(signature),
+            predicates,
+            actions_by_word: by_word(signature.actions.iter().map(|action| &action.0), &signature.synonyms),
             actions: action_words.iter().enumerate().map(|(action, &word)| (word, action as u16)).collect(),
             signs: predicate_words.iter().enumerate().filter(is_small).flat_map(sign_of).collect(),
             action_words,
@@ -127,16 +143,12 @@ impl Tables {
     }
 }
 
-/// Every action by its name and its other words; a name goes before a synonym, an earlier action before a later.
-fn synonyms(signature: &Signature) -> FxHashMap<String, u16> {
+/// Things by their names and their other words; a name goes before a synonym, an earlier thing before a later.
+fn by_word<'s>(names: impl Iterator<Item = &'s String>, synonyms: &'s [Vec<String>]) -> FxHashMap<String, u16> {
+    let others = synonyms.iter().enumerate().flat_map(|(number, words)| words.iter().map(move |word| (number, word)));
     let mut table = FxHashMap::default();
-    for (action, (name, _)) in signature.actions.iter().enumerate() {
-        table.entry(name.clone()).or_insert(action as u16);
-    }
-    for (action, words) in signature.synonyms.iter().enumerate() {
-        for word in words {
-            table.entry(word.clone()).or_insert(action as u16);
-        }
+    for (number, word) in names.enumerate().chain(others) {
+        table.entry(word.clone()).or_insert(number as u16);
     }
     table
 }

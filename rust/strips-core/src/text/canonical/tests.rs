@@ -8,7 +8,9 @@ use crate::text::tests::{FIGURE_4, manipulation};
 use crate::text::{GoalStyle, parse_completion, split_text};
 
 fn codec(layout: Layout) -> Codec {
-    let synonyms = vec![vec!["lift".into()], vec!["put".into()], vec![], vec![], vec![]];
+    let actions = vec![vec!["lift".into()], vec!["put".into()]];
+    let predicates = vec![vec![], vec![], vec!["atop".into(), "upon".into()]];
+    let synonyms = Synonyms { actions, predicates };
     Codec::new(&[(&manipulation(), synonyms)], layout)
 }
 
@@ -83,6 +85,47 @@ fn a_models_words_become_text_with_the_prompts_names() {
 }
 
 #[test]
+fn predicates_are_their_names_whatever_the_words_for_them() {
+    let (codec, own) = (codec(Layout::Difference), codec(Layout::Report));
+    let said = |text: &str| {
+        let text = text.replace("<GOAL>", "<VOCAB> pick lift, place put, inhand zorg, on in, in on <GOAL>");
+        text.replace("on(", "in(").replace("inhand(", "zorg(")
+    };
+    for codec in [codec, own] {
+        let (words, legend) = codec.encode(&said(FIGURE_4), &hints());
+        assert_eq!(words, codec.encode(FIGURE_4, &hints()).0);
+        assert_eq!(legend.predicates, ["zorg", "inworkspace", "in", "on", "opened"]);
+        assert_eq!(codec.decode(&words, &legend), said(FIGURE_4));
+        let (words, legend) = codec.encode(&FIGURE_4.replace("on(", "atop("), &hints());
+        assert_eq!(words, codec.encode(FIGURE_4, &hints()).0, "the lexicon's words need no legend");
+        assert_eq!(legend.predicates[2], "atop");
+        assert!(codec.encode(FIGURE_4, &hints()).1.predicates.is_empty());
+    }
+}
+
+#[test]
+fn a_predicate_has_one_word_in_a_text() {
+    let codec = codec(Layout::Difference);
+    let text = "<|startoftext|> <GOAL> atop(a, b) <INIT> atop(a, c) <ACTION> pick(a) <STATE> on(a, b) <|endoftext|>";
+    let (words, legend) = codec.encode(text, &hints());
+    assert!(words.ends_with("<ACTION> pick o0 <STATE> <raw> <|endoftext|>"), "{words}");
+    assert_eq!(codec.decode(&words, &legend), text);
+}
+
+#[test]
+fn a_legend_tells_an_action_from_a_predicate_of_the_same_name() {
+    let text = "(define (domain d) (:predicates (open ?x)) (:action open :parameters (?x) :effect (open ?x)))";
+    let domain = crate::pddl::parse_domain(&crate::pddl::Source::new("d", text)).unwrap();
+    let codec = Codec::new(&[(&domain, Synonyms::default())], Layout::Difference);
+    let text =
+        "<|startoftext|> <VOCAB> open uncap, open ajar <GOAL> ajar(box) <INIT> <ACTION> uncap(box) <STATE> ajar(box)";
+    let (words, legend) = codec.encode(text, &hints());
+    assert_eq!(words, "<|startoftext|> <INIT> <GOAL> goal+open o0 <ACTION> open o0 <STATE> +open o0");
+    assert_eq!((&legend.words[..], &legend.predicates[..]), (&["uncap".to_owned()][..], &["ajar".to_owned()][..]));
+    assert_eq!(codec.decode(&words, &legend), text);
+}
+
+#[test]
 fn words_that_make_no_sense_are_told_at_their_place() {
     let codec = codec(Layout::Difference);
     let (prompt, legend) = codec.encode(TYPED, &hints());
@@ -147,7 +190,8 @@ fn several_domains_share_one_vocabulary() {
     other.name = "other".into();
     other.predicates.swap(0, 2);
     other.predicates[1].name = "o1".into();
-    let codec = Codec::new(&[(&manipulation(), vec![]), (&other, vec![])], Layout::Difference);
+    let domains = [(&manipulation(), Synonyms::default()), (&other, Synonyms::default())];
+    let codec = Codec::new(&domains, Layout::Difference);
     let text =
         "<|startoftext|> <GOAL> o1(o1) <INIT> on(x, o1), inhand(x) <ACTION> pick(x) <STATE> o1(o1) <|endoftext|>";
     let (words, legend) = codec.encode(text, &Hints { domain: 1, ..hints() });
@@ -183,6 +227,8 @@ fn name() -> impl Strategy<Value = String> {
 fn atom() -> impl Strategy<Value = String> {
     let predicate = prop_oneof![
         8 => proptest::sample::select(vec![("inhand", 1), ("inworkspace", 1), ("on", 2), ("in", 2), ("opened", 1)]),
+        2 => Just(("atop", 2)),
+        1 => Just(("upon", 2)),
         1 => Just(("near", 2)),
         1 => Just(("on", 3)),
         1 => Just(("inhand", 0)),
@@ -215,14 +261,17 @@ fn segment(marker: &'static str, content: impl Strategy<Value = String>) -> impl
     content.prop_map(move |content| if content.is_empty() { marker.to_owned() } else { format!("{marker} {content}") })
 }
 
-fn pairs(second: &'static str) -> impl Strategy<Value = String> {
-    vec((name(), second.prop_map(|word| word)), 0..5)
+fn pairs(first: impl Strategy<Value = String>, second: &'static str) -> impl Strategy<Value = String> {
+    vec((first, second.prop_map(|word| word)), 0..5)
         .prop_map(|pairs| pairs.iter().map(|(a, b)| format!("{a} {b}")).collect::<Vec<_>>().join(", "))
 }
 
 fn prompt() -> impl Strategy<Value = String> {
-    let objects = proptest::option::of(segment("<OBJECTS>", pairs("vessel|tool|tool/movable|gizmo")));
-    let vocab = proptest::option::of(segment("<VOCAB>", pairs("lift|put|x[a-c]")));
+    let objects = proptest::option::of(segment("<OBJECTS>", pairs(name(), "vessel|tool|tool/movable|gizmo")));
+    let vocab = proptest::option::of(segment(
+        "<VOCAB>",
+        pairs(prop_oneof![name(), "pick|on|in|opened"], "lift|put|x[a-c]|on|in|atop"),
+    ));
     (objects, vocab, segment("<GOAL>", goal()), segment("<INIT>", state())).prop_map(|(objects, vocab, goal, init)| {
         let parts = [Some("<|startoftext|>".to_owned()), objects, vocab, Some(goal), Some(init)];
         parts.into_iter().flatten().collect::<Vec<_>>().join(" ")

@@ -1,7 +1,7 @@
 //! Reading the segments of a text into slots, and what they tell about the order of objects.
 
 use super::super::super::scan::{Scanner, Spacing};
-use super::super::decode::write_atoms;
+use super::super::decode::Speech;
 use super::super::order::{ranks_by_names, ranks_from};
 use super::super::packed::Packed;
 use super::super::segments::{Marker, Segment};
@@ -32,9 +32,23 @@ impl<'t> Encoder<'_, 't, '_> {
         if let Some(action) = self.action_words.iter().position(|known| *known == Some(word)) {
             return Some(action);
         }
-        let action = usize::from(*self.tables.synonyms.get(word)?);
+        let action = usize::from(*self.tables.actions_by_word.get(word)?);
         self.action_words[action].is_none().then(|| self.action_words[action] = Some(word))?;
         Some(action)
+    }
+
+    /// The predicate of a word, and that from here on this is its word.
+    fn predicate(&mut self, word: &'t str) -> Option<u16> {
+        let known = self.tables.predicates.get(word).copied();
+        if let Some(predicate) = known.filter(|&known| self.predicate_words[usize::from(known)] == Some(word)) {
+            return Some(predicate);
+        }
+        if let Some(predicate) = self.predicate_words.iter().position(|known| *known == Some(word)) {
+            return u16::try_from(predicate).ok();
+        }
+        let settled = &mut self.predicate_words[usize::from(known?)];
+        settled.is_none().then(|| *settled = Some(word))?;
+        known
     }
 
     pub(super) fn read_atoms(&mut self, tail: &'t str) -> Option<Atoms> {
@@ -54,9 +68,9 @@ impl<'t> Encoder<'_, 't, '_> {
         Some(start..self.atoms.len())
     }
 
-    pub(super) fn pack(&mut self, name: &str, args: &[&'t str]) -> Option<Packed> {
-        let predicate = *self.tables.predicates.get(name)?;
-        if self.signature.predicates[usize::from(predicate)].arity != args.len() {
+    pub(super) fn pack(&mut self, name: &'t str, args: &[&'t str]) -> Option<Packed> {
+        let predicate = self.predicate(name)?;
+        if self.signature.predicates[usize::from(predicate)].arity != args.len() || args.len() > Packed::MAX_ARITY {
             return None;
         }
         let mut atom = Packed::new(predicate);
@@ -98,7 +112,9 @@ impl<'t> Encoder<'_, 't, '_> {
     fn check_goal(&mut self) {
         if self.goal_is_set && !self.is_canonical(self.goal.clone()) {
             let mut out = String::new();
-            write_atoms(self.signature, &self.names, &self.atoms[self.goal.clone()], &mut out);
+            let speech =
+                Speech { signature: self.signature, names: &self.names, predicates: &self.spoken_predicates() };
+            speech.write_atoms(&self.atoms[self.goal.clone()], &mut out);
             self.exceptions.goal = Some(out);
         }
     }
