@@ -532,6 +532,7 @@ class RecordStream:
         lexicon: tuple[str, str] | None = None,
         templates: Sequence[tuple[str, str]] = ...,
         random: tuple[str, str] | None = None,
+        large: tuple[str, str] | None = None,
         problems: Sequence[tuple[str, str]] = ...,
         jobs: int = 0,
     ) -> RecordStream:

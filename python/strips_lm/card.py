@@ -21,6 +21,7 @@ ABOUT = {
     "unseen-template": "whole templates held out",
     "more-objects": "more objects than in any trained problem",
     "longer": "shortest plans longer than any trained plan",
+    "large": "problems too large to see all their states; plans that need not be the shortest",
 }
 """What each split is for."""
 

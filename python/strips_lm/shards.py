@@ -247,8 +247,10 @@ def table(columns: dict[str, Any]) -> pa.Table:
 
 
 def _array(column: Any) -> pa.Array:
+    """A column; numbers below 0 stand for what is not known."""
     if not isinstance(column, tuple):
-        return pa.array(column)
+        unknown = column < 0
+        return pa.array(column, mask=unknown) if unknown.any() else pa.array(column)
     offsets, values = column
     if isinstance(values, tuple):
         return pa.ListArray.from_arrays(pa.array(offsets), _array(values))

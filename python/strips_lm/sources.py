@@ -29,7 +29,7 @@ class DomainSources:
     """The texts of a domain's folder, by the names under which a data set keeps them."""
 
     texts: dict[str, str]
-    """`domain.pddl` and, where there are such, `lexicon.toml`, `templates/*.pddl`, `random.pddl`, `starts/*.pddl`."""
+    """`domain.pddl`; where there are such, `lexicon.toml`, `{templates,starts}/*.pddl`, `random.pddl`, `large.pddl`."""
     paths: dict[str, str]
     """Where each was read from, for messages."""
 
@@ -46,6 +46,7 @@ class DomainSources:
             lexicon=self._file("lexicon.toml") if "lexicon.toml" in self.texts else None,
             templates=[self._file(name) for name in self.texts if name.startswith("templates/")],
             random=self._file("random.pddl") if "random.pddl" in self.texts else None,
+            large=self._file("large.pddl") if "large.pddl" in self.texts else None,
             problems=[self._file(name) for name in self.texts if name.startswith("starts/")],
             jobs=jobs,
         )
@@ -114,7 +115,7 @@ def _find(domain: str) -> dict[str, Any]:
 def _folder_files(folder: Traversable) -> dict[str, Any]:
     templates = folder / "templates"
     entries = sorted(templates.iterdir(), key=lambda entry: entry.name) if templates.is_dir() else []
-    found = {name: folder / name for name in ("domain.pddl", "lexicon.toml", "random.pddl")}
+    found = {name: folder / name for name in ("domain.pddl", "lexicon.toml", "random.pddl", "large.pddl")}
     found = {name: entry for name, entry in found.items() if entry.is_file()}
     return found | {f"templates/{entry.name}": entry for entry in entries if entry.name.endswith(".pddl")}
 

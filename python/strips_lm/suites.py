@@ -13,6 +13,7 @@ HELD_OUT = {
     "unseen-template": "templates",
     "more-objects": "problems",
     "longer": "problems",
+    "large": "problems",
 }
 """What each suite must not share with training."""
 
@@ -30,7 +31,7 @@ class Found:
     sizes: set[int] = field(default_factory=set)
     """Numbers of objects."""
     lengths: set[int] = field(default_factory=set)
-    """Steps of shortest plans."""
+    """Steps of shortest plans, as far as they are known."""
     steps: set[int] = field(default_factory=set)
     """Steps of plans."""
     texts: set[int] = field(default_factory=set)

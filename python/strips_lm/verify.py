@@ -201,7 +201,7 @@ class _Checker:
             return "its template is not its problem's"
         if row["goal_style"] != problem["goal_style"]:
             return "its way of saying the goal is not its problem's"
-        if row["optimal_steps"] != problem["shortest"] or row["steps"] < row["optimal_steps"]:
+        if row["optimal_steps"] != problem["shortest"] or row["steps"] < (row["optimal_steps"] or 1):
             return "the recorded numbers of steps do not fit its problem"
         return ""
 
@@ -217,7 +217,8 @@ class _Checker:
         found.problems.add(problem["canonical_hash"])
         found.templates.add(problem["template"])
         found.sizes.add(problem["num_objects"])
-        found.lengths.add(row["optimal_steps"])
+        if row["optimal_steps"] is not None:
+            found.lengths.add(row["optimal_steps"])
         found.steps.add(row["steps"])
         return ""
 

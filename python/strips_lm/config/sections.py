@@ -92,6 +92,12 @@ class DataConfig:
     """How many objects more than any trained problem the suite `more-objects` has."""
     longer_steps: tuple[int, ...] = (8, 12)
     """Least and most steps of the shortest plans in the suite `longer`."""
+    large_records: int = 0
+    """Records of the suite `large`, of problems as large as the domain's `large.pddl` says; 0 makes none."""
+    large_sizes: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """Other sizes, by type, such as `{ball = [30]}` or `{cell = [6, 9]}`."""
+    large_walk: tuple[int, ...] = (20, 60)
+    """Least and most steps of the random walks at whose ends the goals of `large` are."""
     negatives: dict[str, float] = field(default_factory=lambda: dict.fromkeys(NEGATIVES, 1.0))
     """Weight of each kind of negative."""
     format: Literal["parquet", "jsonl"] = "parquet"
@@ -104,6 +110,9 @@ class DataConfig:
         check(self.max_steps > 0, "`data.max_steps` must be positive")
         check(self.shard_records > 0, "`data.shard_records` must be positive")
         check(len(self.longer_steps) == 2, "`data.longer_steps` are two numbers")
+        check(len(self.large_walk) == 2, "`data.large_walk` are two numbers")
+        check(self.large_records >= 0, "`data.large_records` must not be negative")
+        check(all(min(sizes, default=0) >= 0 for sizes in self.large_sizes.values()), "`data.large_sizes` are positive")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -40,7 +40,7 @@ class Score:
     valid_high: float
     """Upper end."""
     optimal: int
-    """Valid plans that are as short as the shortest."""
+    """Valid plans that are as short as the shortest, where that is known."""
     surplus_mean: float | None
     """Steps of a valid plan beyond the shortest's, on average."""
     executable_share: float | None
@@ -77,6 +77,13 @@ class Score:
     """`masked`, `search`: the model's probability that the mask took away, mean over its choices; else none."""
     by_oracle: int = 0
     """With `generate.fallback`: prompts that the oracle's own search answered, the model having come to no plan."""
+    optimum_known: int | None = None
+    """Valid plans whose problem's shortest plan is known; none where that is all of them."""
+
+    @property
+    def comparable(self) -> int:
+        """Valid plans whose length can be compared with a shortest plan's."""
+        return self.valid if self.optimum_known is None else self.optimum_known
 
     @property
     def share(self) -> float:

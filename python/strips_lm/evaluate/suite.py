@@ -74,7 +74,7 @@ class Suite:
 
 
 def own_item(data: DataFolder, problem: _native.Problem, task: _native.Task) -> Item:
-    """A problem of a user's own as a record without completions; `optimal_steps` is -1 where it is not known."""
+    """A problem of a user's own as a record without completions."""
     plan = shortest(task, SECONDS)
     return Item(
         prompt=_native.render_prompt(task, "typed", data.actions),

@@ -38,6 +38,7 @@ class Item:
     names: list[str]
     words: list[str]
     optimal_steps: int
+    """Of the shortest plans; -1 where that is not known."""
     plan_count: int
     index: int = -1
     """The record's index in the data set; -1 for what is no record."""
@@ -127,5 +128,6 @@ def _read(files: Sequence[Path]) -> Iterator[Item]:
             for batch in file.iter_batches(batch_size=1024, columns=list(COLUMNS)):
                 columns = batch.to_pydict()
                 columns["plan_count"] = [int(count) for count in columns["plan_count"]]
+                columns["optimal_steps"] = [-1 if steps is None else steps for steps in columns["optimal_steps"]]
                 rows: Iterator[Any] = zip(*(columns[name] for name in COLUMNS), strict=True)
                 yield from (Item(*row) for row in rows)

@@ -86,7 +86,7 @@ def failures(results: Results) -> Table:
         counts = [str(s.verdicts.get(name, 0)) for name in names]
         surplus = "–" if s.surplus_mean is None else f"{s.surplus_mean:.2f}"
         executable = percent(s.executable_share or 0.0, 1)
-        rates = [executable, percent(s.optimal, s.valid), surplus, percent(s.states_right, s.states)]
+        rates = [executable, percent(s.optimal, s.comparable), surplus, percent(s.states_right, s.states)]
         rates.append(percent(s.traces_right, s.prompts))
         speed = [f"{s.prompts_per_second:.0f}", f"{s.tokens_per_second:.0f}"]
         table.add_row(s.model, s.suite, s.decode, *counts, str(s.unfinished), *rates, *speed)

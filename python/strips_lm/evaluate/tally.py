@@ -70,6 +70,7 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
         digest=digest(trial.texts),
         removed_share=trial.removed_share,
         by_oracle=trial.by_oracle,
+        optimum_known=None if len(surplus) == sum(right) else len(surplus),
     )
 
 

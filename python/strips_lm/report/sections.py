@@ -97,7 +97,7 @@ def _detail(s: Score) -> list[str]:
     surplus = f"{s.surplus_mean:.2f}" if s.surplus_mean is not None else "–"
     executable = f"{100 * s.executable_share:.1f}" if s.executable_share is not None else "–"
     counts = [str(s.unfinished), str(s.malformed), f"{s.prompts_per_second:.0f}", f"{s.tokens_per_second:.0f}"]
-    shares = [percent(s.valid, s.prompts), percent(s.optimal, s.valid), surplus, executable]
+    shares = [percent(s.valid, s.prompts), percent(s.optimal, s.comparable), surplus, executable]
     states = [percent(s.states_right, s.states), percent(s.traces_right, s.prompts)]
     return [s.model, s.suite, s.decode, str(s.prompts), *shares, *states, *counts]
 

@@ -2,7 +2,7 @@
 //!
 //! [`SuccessorGenerator`] finds the operators that a packed state allows, [`TransitionSystem`] those of many states at
 //! once, with their successors and distances to the goal; [`StateSpace`] numbers the reachable states by
-//! parallel breadth-first search; [`PlanSet`] counts, lists, indexes and samples plans without ever holding them.
+//! parallel breadth-first search; [`greedy_plan`] finds some plan where there are too many states for that; [`PlanSet`] counts, lists, indexes and samples plans without ever holding them.
 //! Knows no PDDL text and no learning. Every number and order here is the same for any number of threads.
 
 mod block;
@@ -11,10 +11,12 @@ mod counts;
 mod cursor;
 mod exploration;
 mod goal_bound;
+mod greedy;
 mod plan;
 mod plan_graph;
 mod plan_set;
 mod plan_text;
+mod relaxation;
 mod sampling;
 mod simple;
 mod state_graph;
@@ -23,6 +25,7 @@ mod state_table;
 mod successor_generator;
 mod transition_system;
 
+pub use greedy::{greedy_plan, without_detours};
 pub use plan::{Plan, Plans};
 pub use plan_set::{PlanIter, PlanSet, Semantics};
 pub use sampling::SampleError;

@@ -27,7 +27,7 @@ pub struct RecordStream {
 #[pymethods]
 impl RecordStream {
     #[new]
-    #[pyo3(signature = (config, domain, lexicon=None, templates=vec![], random=None, problems=vec![], jobs=0))]
+    #[pyo3(signature = (config, domain, lexicon=None, templates=vec![], random=None, large=None, problems=vec![], jobs=0))]
     #[expect(clippy::too_many_arguments, reason = "one for each file of a domain's folder")]
     fn new(
         py: Python<'_>,
@@ -36,6 +36,7 @@ impl RecordStream {
         lexicon: Option<File>,
         templates: Vec<File>,
         random: Option<File>,
+        large: Option<File>,
         problems: Vec<File>,
         jobs: usize,
     ) -> PyResult<Self> {
@@ -47,6 +48,7 @@ impl RecordStream {
             lexicon: lexicon.map(source),
             templates: templates.into_iter().map(source).collect(),
             random: random.map(source),
+            large: large.map(source),
             problems: problems.into_iter().map(source).collect(),
         };
         let pool = ThreadPoolBuilder::new().num_threads(jobs).build();

@@ -72,6 +72,12 @@ pub struct RecordConfig {
     pub more_objects: usize,
     /// Shortest plans of `longer`, least and most steps.
     pub longer_steps: (usize, usize),
+    /// Records of the suite `large`.
+    pub large_records: u64,
+    /// By type, other sizes than those of `large.pddl`: one number for each dimension of an array.
+    pub large_sizes: BTreeMap<String, Vec<usize>>,
+    /// Least and most steps of the random walks that lead to the goals of `large`.
+    pub large_walk: (usize, usize),
     /// Weight of each kind of negative by its name; kinds that are not named are not drawn.
     pub negatives: BTreeMap<String, f64>,
 }
@@ -103,6 +109,15 @@ pub enum ConfigMistake {
     /// Words for predicates are asked for, and there are none.
     #[error("`data.predicate_words` is positive, but the domain's lexicon gives no words for predicates")]
     PredicateWords,
+    /// A suite of large problems is asked for, and there is no template for them.
+    #[error("`data.large_records` is positive, but the domain's folder has no `large.pddl`")]
+    NoLarge,
+    /// A size of something that the template has no array of, or not one of as many dimensions.
+    #[error("`data.large_sizes` gives sizes of `{0}`, of which `large.pddl` has no array with as many dimensions")]
+    LargeSizes(String),
+    /// The bounds of the walks of `large` are in the wrong order.
+    #[error("`data.large_walk` must be two positive numbers, the second not below the first")]
+    LargeWalk,
     /// The bounds of `longer` are in the wrong order.
     #[error("`data.longer_steps` must be two numbers above `data.max_steps`, the second not below the first")]
     Longer,
@@ -126,6 +141,9 @@ impl RecordConfig {
         }
         if self.train_steps_power > MOST_POWER {
             return Err(ConfigMistake::Power);
+        }
+        if self.large_walk.0 == 0 || self.large_walk.1 < self.large_walk.0 {
+            return Err(ConfigMistake::LargeWalk);
         }
         let (least, most) = self.longer_steps;
         if least <= self.max_steps || most < least {

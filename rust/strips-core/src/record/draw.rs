@@ -3,7 +3,7 @@
 use super::config::RecordConfig;
 use super::shape::Shape;
 use super::splits::{Pools, Split};
-use super::table::{Batch, count, template_name};
+use super::table::{Batch, UNKNOWN, count, template_name};
 use crate::augment::Lexicon;
 use crate::negative::{Goal as WantedGoal, Negative, Step, draw_negative, trace};
 use crate::pddl::ast::{Domain, Object};
@@ -139,7 +139,7 @@ impl Book {
         batch.style.push(drawn.style.name());
         batch.goal_style.push(shape.goal_style().name());
         batch.steps.push(count(drawn.steps.len()));
-        batch.optimal_steps.push(count(shape.shortest));
+        batch.optimal_steps.push(shape.shortest.map_or(UNKNOWN, count));
         batch.plan_count.push(&shape.plan_count.to_string());
     }
 

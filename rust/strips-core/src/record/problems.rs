@@ -66,7 +66,8 @@ pub(super) fn shape(
         // `longer` asks for more steps than training has; its problems' shortest plans are always among theirs.
         PlanChoice::All => all_plans((config, config.max_steps.max(shortest)), task, &goal, random)?,
     };
-    Some(Shape { source, task: task.clone(), goal, plans, plan_count, shortest, hash, family })
+    let (task, shortest) = (task.clone(), Some(shortest));
+    Some(Shape { source, task, goal, plans, plan_count, shortest, hash, family })
 }
 
 /// All first-goal plans of at most `horizon` steps, or a uniform sample of them.

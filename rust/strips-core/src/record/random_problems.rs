@@ -99,7 +99,7 @@ fn draw(
     let goal = if random.chance(config.state_goal_share) {
         Goal::State(exploration.states[target].clone())
     } else {
-        some_changes(task, &exploration.states[target], random)
+        some_changes(task, &exploration.states[target], LITERALS, random)
     };
     let (shortest, states) = match goal {
         Goal::State(_) => (exploration.depth_of(target), vec![target]),
@@ -112,13 +112,15 @@ fn draw(
     shape(config, Source::Random, task, goal, (exploration, shortest, &states), (hash, hash), random)
 }
 
-/// Up to three of the facts in which the state differs from the initial one, as they are there.
-fn some_changes(task: &Task, state: &State, random: &mut Random) -> Goal {
+/// Some of the facts in which the state differs from the initial one, as they are there: from one to all, but no more
+/// than about `most`.
+pub(super) fn some_changes(task: &Task, state: &State, most: usize, random: &mut Random) -> Goal {
     let basic = |id: usize| !task.domain.predicates[task.facts[id].predicate.index()].derived;
     let differs = |&id: &usize| basic(id) && task.init.holds(id.into()) != state.holds(id.into());
     let mut changed: Vec<usize> = (0..task.facts.len()).filter(differs).collect();
     random.shuffle(&mut changed);
-    changed.truncate(1 + random.below(LITERALS));
+    let most = if most == usize::MAX { changed.len().max(1) } else { most };
+    changed.truncate(1 + random.below(most));
     changed.sort_unstable();
     Goal::Literals(changed.into_iter().map(|id| (task.facts[id].clone(), state.holds(id.into()))).collect())
 }

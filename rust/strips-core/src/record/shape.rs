@@ -17,6 +17,8 @@ pub enum Source {
     Given,
     /// The random generator.
     Random,
+    /// The generator of large problems.
+    Large,
 }
 
 /// A problem without names, and the plans that its records are drawn from.
@@ -32,8 +34,8 @@ pub struct Shape {
     pub plans: Vec<Vec<OperatorId>>,
     /// How many plans there are of which `plans` are all, or a sample.
     pub plan_count: u128,
-    /// Steps of a shortest plan.
-    pub shortest: usize,
+    /// Steps of a shortest plan, where that is proven.
+    pub shortest: Option<usize>,
     /// Stands for initial state and goal up to names.
     pub hash: u128,
     /// The hash of the problem that this one is a variant of; decides what is held out.

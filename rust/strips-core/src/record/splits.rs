@@ -32,11 +32,13 @@ pub enum Split {
     MoreObjects,
     /// Longer plans than in training.
     Longer,
+    /// Problems of the sizes that are asked for, too large to see all their states.
+    Large,
 }
 
 impl Split {
     /// Every split, in the order in which they are written.
-    pub const ALL: [Split; 11] = [
+    pub const ALL: [Split; 12] = [
         Self::Train,
         Self::Validation,
         Self::Seen,
@@ -48,6 +50,7 @@ impl Split {
         Self::UnseenTemplate,
         Self::MoreObjects,
         Self::Longer,
+        Self::Large,
     ];
 
     /// The split's name.
@@ -64,6 +67,7 @@ impl Split {
             Self::UnseenTemplate => "unseen-template",
             Self::MoreObjects => "more-objects",
             Self::Longer => "longer",
+            Self::Large => "large",
         }
     }
 
@@ -112,6 +116,7 @@ pub(super) struct Pools {
     unseen_template: Pool,
     more_objects: Pool,
     longer: Pool,
+    large: Pool,
 }
 
 /// Groups of problems, each with a weight; a record draws a group, then one of its problems.
@@ -133,7 +138,7 @@ impl Group {
     fn new(ids: Vec<u32>, shapes: &[Shape], steps_power: u32) -> Self {
         let mut sum = 0;
         let add = |&id: &u32| {
-            sum += shapes[id as usize].shortest.max(1).pow(steps_power);
+            sum += shapes[id as usize].shortest.unwrap_or(1).max(1).pow(steps_power);
             sum
         };
         let sums = if steps_power > 0 { ids.iter().map(add).collect() } else { Vec::new() };
@@ -149,6 +154,7 @@ impl Group {
 }
 
 /// Problems by where they come from, before they are sorted into splits.
+#[derive(Default)]
 pub(super) struct Solved {
     /// By template.
     pub templates: Vec<Vec<Shape>>,
@@ -157,6 +163,7 @@ pub(super) struct Solved {
     pub random: Vec<Shape>,
     pub more_objects: Vec<Shape>,
     pub longer: Vec<Shape>,
+    pub large: Vec<Shape>,
 }
 
 impl Pools {
@@ -170,7 +177,8 @@ impl Pools {
         let candidates = sorter.add(kept.chain(solved.given).chain(solved.random));
         let more_objects = sorter.add(solved.more_objects);
         let longer = sorter.add(solved.longer);
-        sorter.finish(&candidates, [unseen_template, more_objects, longer])
+        let large = sorter.add(solved.large);
+        sorter.finish(&candidates, [unseen_template, more_objects, longer, large])
     }
 
     /// The problems that the split's records are drawn from; empty where there are none.
@@ -181,6 +189,7 @@ impl Pools {
             Split::UnseenTemplate => &self.unseen_template,
             Split::MoreObjects => &self.more_objects,
             Split::Longer => &self.longer,
+            Split::Large => &self.large,
             Split::Train | Split::Validation => &self.trained,
             _ => &self.tried,
         }
@@ -210,7 +219,7 @@ impl<'c> Sorter<'c> {
         ids
     }
 
-    fn finish(self, candidates: &[u32], [template, objects, longer]: [Vec<u32>; 3]) -> Pools {
+    fn finish(self, candidates: &[u32], [template, objects, longer, large]: [Vec<u32>; 4]) -> Pools {
         let validation = if self.config.validation_by_shape { self.config.validation_share } else { 0.0 };
         let bands = [self.config.unseen_shapes_share, self.config.unseen_shapes_share + validation];
         let band = |id: &u32| {
@@ -227,8 +236,18 @@ impl<'c> Sorter<'c> {
         let training = |ids: Vec<u32>| Pool::new(&ids, shapes, config.train_template_share, config.train_steps_power);
         let [unseen_shapes, tried, unseen_template] = [chosen(0), chosen(2), template].map(suite);
         let [validation, trained] = [chosen(1), chosen(2)].map(training);
-        let [more_objects, longer] = [objects, longer].map(suite);
-        Pools { shapes: self.shapes, trained, tried, validation, unseen_shapes, unseen_template, more_objects, longer }
+        let [more_objects, longer, large] = [objects, longer, large].map(suite);
+        Pools {
+            shapes: self.shapes,
+            trained,
+            tried,
+            validation,
+            unseen_shapes,
+            unseen_template,
+            more_objects,
+            longer,
+            large,
+        }
     }
 }
 
@@ -261,6 +280,6 @@ fn key(shape: &Shape) -> Option<usize> {
         Source::Template(number) => Some(number),
         // Given problems are one group, which comes after the templates.
         Source::Given => Some(usize::MAX),
-        Source::Random => None,
+        Source::Random | Source::Large => None,
     }
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::config::{ConfigMistake, RecordConfig};
 use super::draw::Book;
 use super::given_problems::{self, Given};
+use super::large_problems;
 use super::problems::Workshop;
 use super::random_problems::{self, Start, Wanted};
 use super::shape::Shape;
@@ -21,9 +22,9 @@ use crate::task::{LimitError, Limits};
 
 /// Records that one thread makes at a time.
 const CHUNK: u64 = 256;
-/// Random starts that are made before their problems are counted.
+/// Most random starts that are made before their problems are counted.
 const STARTS: usize = 32;
-/// Problems of `longer` and of `more-objects`, and how many come from one start.
+/// Problems of `longer`, of `more-objects` and of `large`, and how many of the former two come from one start.
 const SUITE_PROBLEMS: (usize, usize) = (250, 10);
 /// Most states explored from one start of these suites.
 const SUITE_STATES: usize = 20_000;
@@ -39,6 +40,8 @@ pub struct DomainFiles {
     pub templates: Vec<Source>,
     /// `random.pddl`.
     pub random: Option<Source>,
+    /// `large.pddl`.
+    pub large: Option<Source>,
     /// Problems that are used with their own goals, and from whose initial states random goals start where asked.
     pub problems: Vec<Source>,
 }
@@ -76,6 +79,7 @@ struct Parts {
     templates: Vec<Template>,
     given: Vec<Given>,
     start: Option<Start>,
+    large: Option<Template>,
 }
 
 /// All records of a data set, made on demand.
@@ -131,6 +135,7 @@ impl RecordStream {
             _ if !testable || self.book.pools.of(split).groups.is_empty() => 0,
             Split::Train => config.pairs - config.validation_records(),
             Split::Validation => config.validation_records(),
+            Split::Large => config.large_records,
             _ => config.suite_records,
         }
     }
@@ -198,7 +203,8 @@ fn read(files: &DomainFiles, random_goals: bool) -> Result<Parts, RecordError> {
         Some(source) => Some(Start::Template(template(source)?)),
         None => None,
     };
-    Ok(Parts { domain, lexicon, templates, given, start })
+    let large = files.large.as_ref().map(template).transpose()?;
+    Ok(Parts { domain, lexicon, templates, given, start, large })
 }
 
 fn held_out(templates: &[Template], config: &RecordConfig) -> Result<Vec<usize>, ConfigMistake> {
@@ -213,7 +219,13 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
     let config = workshop.config;
     let template = |(number, template): (usize, &Template)| template_problems::shapes(workshop, number, template);
     let templates = parts.templates.iter().enumerate().map(template).collect::<Result<Vec<_>, _>>()?;
-    let mut solved = Solved { templates, given, random: Vec::new(), more_objects: Vec::new(), longer: Vec::new() };
+    let mut solved = Solved { templates, given, ..Solved::default() };
+    if config.large_records > 0 {
+        let large = large_template(parts, config)?;
+        let from = |number| large_problems::shapes(workshop, &large, number);
+        let enough = SUITE_PROBLEMS.0.min(config.large_records as usize);
+        solved.large = collect(from, large_problems::GOALS, enough)?;
+    }
     let Some(start) = &parts.start else { return Ok(solved) };
     let trained = Wanted {
         purpose: "random problem",
@@ -222,37 +234,52 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
         states: config.states_per_start,
         goals: config.goals_per_state,
     };
-    solved.random = collect(workshop, start, trained, config.random_problems)?;
+    let collect = |wanted: Wanted, enough| {
+        collect(|number| random_problems::shapes(workshop, start, wanted, number), wanted.goals, enough)
+    };
+    solved.random = collect(trained, config.random_problems)?;
     if config.suite_records == 0 {
         return Ok(solved);
     }
     let (problems, goals) = SUITE_PROBLEMS;
     let suite = Wanted { states: SUITE_STATES, goals, ..trained };
     let longer = Wanted { purpose: "longer", steps: config.longer_steps, ..suite };
-    solved.longer = collect(workshop, start, longer, problems)?;
+    solved.longer = collect(longer, problems)?;
     if let Start::Template(random) = start {
         let most = parts.templates.iter().chain([random]).map(|template| template.most_objects(&workshop.domain)).max();
         let surplus = random.surplus_for(&workshop.domain, most.unwrap_or(0) + config.more_objects);
         let more = Wanted { purpose: "more objects", surplus, ..suite };
-        solved.more_objects = collect(workshop, start, more, problems)?;
+        solved.more_objects = collect(more, problems)?;
     }
     Ok(solved)
 }
 
-/// Problems from one start after the other until there are enough, or starts keep giving nothing.
-fn collect(workshop: &Workshop, start: &Start, wanted: Wanted, enough: usize) -> Result<Vec<Shape>, LimitError> {
-    let mut shapes = Vec::new();
-    let mut seen = rustc_hash::FxHashSet::default();
-    let tries = 4 * enough.div_ceil(wanted.goals * STARTS) + 4;
-    for round in (0..tries).take_while(|_| enough > 0) {
-        let numbers: Vec<usize> = (round * STARTS..(round + 1) * STARTS).collect();
-        let from = |&number: &usize| random_problems::shapes(workshop, start, wanted, number);
-        let found = numbers.par_iter().map(from).collect::<Result<Vec<_>, _>>()?;
-        shapes.extend(found.into_iter().flatten().filter(|shape| seen.insert(shape.hash)));
-        if shapes.len() >= enough {
-            shapes.truncate(enough);
-            break;
-        }
+/// The template of `large`, of the sizes that the configuration asks for.
+fn large_template(parts: &Parts, config: &RecordConfig) -> Result<Template, ConfigMistake> {
+    let mut template = parts.large.clone().ok_or(ConfigMistake::NoLarge)?;
+    for (name, sizes) in &config.large_sizes {
+        let resized = parts.domain.type_id(name).and_then(|type_id| template.resized(type_id, sizes));
+        template = resized.ok_or_else(|| ConfigMistake::LargeSizes(name.clone()))?;
     }
+    Ok(template)
+}
+
+/// Problems from one start after the other, each of which gives up to `goals`, until there are enough, or starts keep
+/// giving nothing.
+fn collect(
+    from: impl Fn(usize) -> Result<Vec<Shape>, LimitError> + Sync,
+    goals: usize,
+    enough: usize,
+) -> Result<Vec<Shape>, LimitError> {
+    let (mut shapes, mut seen) = (Vec::new(), rustc_hash::FxHashSet::default());
+    let (mut next, most) = (0, STARTS * (4 * enough.div_ceil(goals * STARTS) + 4));
+    while shapes.len() < enough && next < most {
+        // No more starts at a time than are likely to be needed: some take long.
+        let starts = (enough - shapes.len()).div_ceil(goals).clamp(4, STARTS).min(most - next);
+        let found = (next..next + starts).into_par_iter().map(&from).collect::<Result<Vec<_>, _>>()?;
+        shapes.extend(found.into_iter().flatten().filter(|shape| seen.insert(shape.hash)));
+        next += starts;
+    }
+    shapes.truncate(enough);
     Ok(shapes)
 }

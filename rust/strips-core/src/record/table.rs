@@ -140,7 +140,7 @@ columns! {
         goal_style: Texts => texts,
         /// Steps of the plan.
         steps: Vec<i32> => numbers,
-        /// Steps of a shortest plan.
+        /// Steps of a shortest plan, or [`UNKNOWN`].
         optimal_steps: Vec<i32> => numbers,
         /// How many plans this one was drawn from.
         plan_count: Texts => texts,
@@ -164,7 +164,7 @@ columns! {
         num_objects: Vec<i32> => numbers,
         /// Stands for initial state and goal up to names.
         canonical_hash: Texts => texts,
-        /// Steps of a shortest plan.
+        /// Steps of a shortest plan, or [`UNKNOWN`].
         shortest: Vec<i32> => numbers,
         /// How the goal is said.
         goal_style: Texts => texts,
@@ -180,10 +180,13 @@ impl ProblemTable {
         self.template.push(template);
         self.num_objects.push(count(problem.objects.len()));
         self.canonical_hash.push(&format!("{:032x}", shape.hash));
-        self.shortest.push(count(shape.shortest));
+        self.shortest.push(shape.shortest.map_or(UNKNOWN, count));
         self.goal_style.push(shape.goal_style().name());
     }
 }
+
+/// What a column of lengths holds where nothing is proven.
+pub const UNKNOWN: i32 = -1;
 
 /// A number of things as a column holds it.
 pub(super) fn count(number: usize) -> i32 {
@@ -196,5 +199,6 @@ pub(super) fn template_name(source: Source, names: &[String]) -> &str {
         Source::Template(number) => &names[number],
         Source::Given => "given",
         Source::Random => "random",
+        Source::Large => "large",
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! `STRIPS_LM_TASKS=100000 cargo test --release -p strips-core --test search` is the long run; the normal one has 2,000 tasks.
 
+mod greedy;
 mod laws;
 mod naive;
 mod oracle_cases;

@@ -1,7 +1,7 @@
 //! Filling a template: choices made, placeholders made objects.
 
 use super::choices::{Choices, Odometer};
-use super::{Form, Hole, Kind, Pattern, Template};
+use super::{Array, Form, Hole, Kind, Pattern, Template};
 use crate::pddl::ast::{Atom, Condition, Domain, GroundAtom, Object, ObjectId, Problem, Term, TypeId};
 use crate::random::Random;
 use crate::span::Span;
@@ -28,7 +28,8 @@ impl Template {
 
     /// The most objects that a problem of this template has, constants included.
     pub fn most_objects(&self, domain: &Domain) -> usize {
-        domain.constants.len() + self.placeholders.len() + self.distractors.1
+        let arrays: usize = self.arrays.iter().map(|array| array.sizes.iter().product::<usize>()).sum();
+        domain.constants.len() + self.placeholders.len() + arrays + self.distractors.1
     }
 }
 
@@ -58,7 +59,8 @@ impl<'t> Filling<'t> {
         for types in &template.placeholders {
             self.add_object(types[choose_one(choices, types.len())]);
         }
-        self.place_all(&template.init, None, choices);
+        template.arrays.iter().for_each(|array| self.add_array(array, choices));
+        self.place_all(&template.init, &[], choices);
         let count = if template.kinds.is_empty() { 0 } else { least + choose_one(choices, most - least + 1) };
         let mut kind = 0;
         for _ in 0..count {
@@ -77,58 +79,71 @@ impl<'t> Filling<'t> {
 
     fn add_distractor(&mut self, kind: &Kind, choices: &mut impl Choices) {
         let this = self.add_object(kind.types[choose_one(choices, kind.types.len())]);
-        self.place_all(&kind.forms, Some(this), choices);
+        self.place_all(&kind.forms, &[this], choices);
     }
 
-    fn place_all(&mut self, forms: &[Form], this: Option<ObjectId>, choices: &mut impl Choices) {
-        for form in forms {
-            self.place(form, this, choices);
+    fn add_array(&mut self, array: &Array, choices: &mut impl Choices) {
+        let objects: Vec<ObjectId> =
+            (0..array.sizes.iter().product()).map(|_| self.add_object(array.type_id)).collect();
+        for rule in &array.rules {
+            for positions in rule.of.positions(&array.sizes) {
+                let local: Vec<ObjectId> = positions.into_iter().map(|at| objects[at]).collect();
+                self.place_all(&rule.forms, &local, choices);
+            }
         }
     }
 
-    fn place(&mut self, form: &Form, this: Option<ObjectId>, choices: &mut impl Choices) {
+    /// Places forms; `local` are the objects that they are placed for.
+    fn place_all(&mut self, forms: &[Form], local: &[ObjectId], choices: &mut impl Choices) {
+        for form in forms {
+            self.place(form, local, choices);
+        }
+    }
+
+    fn place(&mut self, form: &Form, local: &[ObjectId], choices: &mut impl Choices) {
         match form {
             Form::Atom(pattern) => {
-                let atom = self.ground(pattern, this, choices);
+                let atom = self.ground(pattern, local, choices);
                 if !self.init.contains(&atom) {
                     self.init.push(atom);
                 }
             }
-            Form::And(parts) => self.place_all(parts, this, choices),
+            Form::And(parts) => self.place_all(parts, local, choices),
             Form::OneOf(options) => {
-                let open: Vec<&Form> = options.iter().filter(|option| self.is_open(option, this)).collect();
+                let open: Vec<&Form> = options.iter().filter(|option| self.is_open(option, local)).collect();
                 if !open.is_empty() {
-                    self.place(open[choose_one(choices, open.len())], this, choices);
+                    self.place(open[choose_one(choices, open.len())], local, choices);
                 }
             }
         }
     }
 
     /// Whether every `(any …)` of the alternative finds an object.
-    fn is_open(&self, form: &Form, this: Option<ObjectId>) -> bool {
+    fn is_open(&self, form: &Form, local: &[ObjectId]) -> bool {
         match form {
-            Form::And(parts) => parts.iter().all(|part| self.is_open(part, this)),
-            Form::OneOf(options) => options.iter().any(|option| self.is_open(option, this)),
+            Form::And(parts) => parts.iter().all(|part| self.is_open(part, local)),
+            Form::OneOf(options) => options.iter().any(|option| self.is_open(option, local)),
             Form::Atom(pattern) => pattern.terms.iter().all(|hole| match hole {
-                Hole::Any(type_id) => !self.candidates(*type_id, this).is_empty(),
+                Hole::Any(type_id) => !self.candidates(*type_id, local).is_empty(),
                 _ => true,
             }),
         }
     }
 
-    fn candidates(&self, type_id: TypeId, this: Option<ObjectId>) -> Vec<ObjectId> {
-        let fits =
-            |object: &ObjectId| Some(*object) != this && self.domain.accepts(&[type_id], &self.objects[object.index()]);
+    fn candidates(&self, type_id: TypeId, local: &[ObjectId]) -> Vec<ObjectId> {
+        let fits = |object: &ObjectId| {
+            !local.contains(object) && self.domain.accepts(&[type_id], &self.objects[object.index()])
+        };
         (0..self.objects.len()).map(ObjectId::from).filter(fits).collect()
     }
 
-    fn ground(&self, pattern: &Pattern, this: Option<ObjectId>, choices: &mut impl Choices) -> GroundAtom {
+    fn ground(&self, pattern: &Pattern, local: &[ObjectId], choices: &mut impl Choices) -> GroundAtom {
         let fill = |hole: &Hole| match *hole {
             Hole::Constant(object) => object,
             Hole::Placeholder(number) => ObjectId::from(self.domain.constants.len() + number),
-            Hole::This => this.expect("the reader allows `?d` only where a distractor is placed"),
+            Hole::Local(number) => local[number],
             Hole::Any(type_id) => {
-                let candidates = self.candidates(type_id, this);
+                let candidates = self.candidates(type_id, local);
                 candidates[choose_one(choices, candidates.len())]
             }
         };
@@ -145,7 +160,7 @@ impl<'t> Filling<'t> {
         let term = |hole: &Hole| match *hole {
             Hole::Constant(object) => Term::Object(object),
             Hole::Placeholder(number) => Term::Object(ObjectId::from(self.domain.constants.len() + number)),
-            Hole::This | Hole::Any(_) => unreachable!("the reader refuses these in goals"),
+            Hole::Local(_) | Hole::Any(_) => unreachable!("the reader refuses these in goals"),
         };
         let atom =
             Condition::Atom(Atom { predicate: pattern.predicate, terms: pattern.terms.iter().map(term).collect() });

@@ -1,5 +1,6 @@
 //! Reading a template and checking it against its domain.
 
+use super::arrays::{Array, Relation, Rule};
 use super::{Form, Hole, Kind, Pattern, Template};
 use crate::pddl::ast::{Domain, Object, ObjectId, TypeId};
 use crate::pddl::error::Fault;
@@ -15,7 +16,7 @@ use crate::span::Span;
 pub fn read_template(source: &Source, domain: &Domain) -> Result<Template, PddlError> {
     let read = || {
         let tree = Tree::read(source.text())?;
-        Reader { domain, placeholders: Vec::new(), this: None }.read(tree.root())
+        Reader { domain, placeholders: Vec::new(), local: Vec::new() }.read(tree.root())
     };
     read().map_err(|fault: Fault| fault.within(source))
 }
@@ -24,8 +25,8 @@ struct Reader<'d> {
     domain: &'d Domain,
     /// Name and possible types of each placeholder.
     placeholders: Vec<(String, Vec<TypeId>)>,
-    /// The same of the distractor that is being read.
-    this: Option<(String, Vec<TypeId>)>,
+    /// The same of the distractor, or of the objects of an array, that are being read.
+    local: Vec<(String, Vec<TypeId>)>,
 }
 
 impl Reader<'_> {
@@ -35,8 +36,15 @@ impl Reader<'_> {
         let mut header = items.expect("`(template NAME)`")?.list("`(template NAME)`")?;
         keyword(&mut header, "template")?;
         let name = header.expect("a name")?.name("a name")?.to_owned();
-        let mut template =
-            Template { name, placeholders: vec![], distractors: (0, 0), kinds: vec![], init: vec![], goal: None };
+        let mut template = Template {
+            name,
+            placeholders: vec![],
+            arrays: vec![],
+            distractors: (0, 0),
+            kinds: vec![],
+            init: vec![],
+            goal: None,
+        };
         for item in items {
             self.section(item, &mut template)?;
         }
@@ -53,10 +61,11 @@ impl Reader<'_> {
                 template.placeholders = self.placeholders.iter().map(|(_, types)| types.clone()).collect();
                 Ok(())
             }
+            ":array" => self.array(&mut items).map(|array| template.arrays.push(array)),
             ":distractors" => self.distractors(&mut items, template),
             ":init" => self.forms(items).map(|forms| template.init = forms),
             ":goal" => self.goal(&mut items).map(|goal| template.goal = Some(goal)),
-            _ => Err(head.unexpected("`:domain`, `:parameters`, `:distractors`, `:init` or `:goal`")),
+            _ => Err(head.unexpected("`:domain`, `:parameters`, `:array`, `:distractors`, `:init` or `:goal`")),
         }
     }
 
@@ -111,10 +120,33 @@ impl Reader<'_> {
         let name = variable(items.expect("a variable")?)?;
         keyword(&mut items, "-")?;
         let types = self.types(items.expect("a type")?)?;
-        self.this = Some((name, types.clone()));
+        self.local = vec![(name, types.clone())];
         let forms = self.forms(items)?;
-        self.this = None;
+        self.local.clear();
         Ok(Kind { types, forms })
+    }
+
+    /// `TYPE (SIZE…) (RELATION ?x … FORM…)…`
+    fn array(&mut self, items: &mut Items<'_>) -> Result<Array, Fault> {
+        let type_id = self.type_id(items.expect("a type")?)?;
+        let sizes = items.expect("sizes in parentheses")?.list("sizes in parentheses")?;
+        let sizes = sizes.map(positive).collect::<Result<Vec<usize>, Fault>>()?;
+        let rules = items.map(|item| self.rule(item, type_id)).collect::<Result<_, Fault>>()?;
+        Ok(Array { type_id, sizes, rules })
+    }
+
+    fn rule(&mut self, item: Item<'_>, type_id: TypeId) -> Result<Rule, Fault> {
+        const EXPECTED: &str =
+            "`(each ?x …)`, `(first ?x …)`, `(last ?x …)`, `(pairs ?x ?y …)` or `(neighbours ?x ?y …)`";
+        let mut items = item.list(EXPECTED)?;
+        let head = items.expect(EXPECTED)?;
+        let (of, objects) = Relation::of_name(head.text()).ok_or_else(|| head.unexpected(EXPECTED))?;
+        for _ in 0..objects {
+            self.local.push((variable(items.expect("a variable")?)?, vec![type_id]));
+        }
+        let forms = self.forms(items)?;
+        self.local.clear();
+        Ok(Rule { of, forms })
     }
 
     fn forms(&self, items: Items<'_>) -> Result<Vec<Form>, Fault> {
@@ -156,7 +188,7 @@ impl Reader<'_> {
             items.expect("an atom")?
         };
         let pattern = self.pattern(atom)?;
-        let drawn = pattern.terms.iter().any(|hole| matches!(hole, Hole::This | Hole::Any(_)));
+        let drawn = pattern.terms.iter().any(|hole| matches!(hole, Hole::Local(_) | Hole::Any(_)));
         if drawn { Err(atom.unexpected("an atom without `(any …)`")) } else { Ok((positive, pattern)) }
     }
 
@@ -199,10 +231,8 @@ impl Reader<'_> {
     }
 
     fn variable_hole(&self, term: Item<'_>) -> Result<(Hole, Vec<TypeId>), Fault> {
-        if let Some((name, types)) = &self.this
-            && name == term.text()
-        {
-            return Ok((Hole::This, types.clone()));
+        if let Some(number) = self.local.iter().position(|(name, _)| name == term.text()) {
+            return Ok((Hole::Local(number), self.local[number].1.clone()));
         }
         let found = self.placeholders.iter().position(|(name, _)| name == term.text());
         let index = found.ok_or_else(|| undeclared(Declaration::Variable, term))?;
@@ -236,6 +266,13 @@ fn variable(item: Item<'_>) -> Result<String, Fault> {
 
 fn number(item: Item<'_>) -> Result<usize, Fault> {
     item.text().parse().map_err(|_| item.unexpected("a number"))
+}
+
+fn positive(item: Item<'_>) -> Result<usize, Fault> {
+    match number(item)? {
+        0 => Err(item.unexpected("a positive number")),
+        number => Ok(number),
+    }
 }
 
 fn undeclared(what: Declaration, item: Item<'_>) -> Fault {

@@ -1,0 +1,11 @@
+; A tower, the smallest disc first, which a random walk spreads.
+(define (template large)
+  (:domain hanoi)
+  (:parameters ?a ?b ?c - peg)
+  (:array disc (7)
+    (each ?d (fits ?d ?a) (fits ?d ?b) (fits ?d ?c))
+    (pairs ?d ?e (fits ?d ?e))
+    (neighbours ?d ?e (on ?d ?e))
+    (first ?d (clear ?d))
+    (last ?d (on ?d ?a)))
+  (:init (clear ?b) (clear ?c)))
