@@ -97,7 +97,7 @@ def _import_ray() -> Any:
 
 def _connect(ray: Any) -> None:
     address = os.environ.get("RAY_ADDRESS", "")
-    _refuse_silent(address)
+    _refuse_silent(ray, address)
     try:
         ray.init(logging_level=logging.ERROR, log_to_driver=False, include_dashboard=False)
     except (OSError, RuntimeError, ValueError) as error:
@@ -105,17 +105,26 @@ def _connect(ray: Any) -> None:
         raise ClusterError(f"Ray cannot use {where}: {' '.join(str(error).split())}") from error
 
 
-def _refuse_silent(address: str) -> None:
+def _refuse_silent(ray: Any, address: str) -> None:
     """Raises `ClusterError` where nobody answers; Ray itself would try for minutes. `auto` and the like are Ray's."""
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if not colon or not port.isdigit():
         return
+    hosts = [host.strip("[]")]
+    if hosts[0] in ("127.0.0.1", "localhost"):
+        hosts.append(ray.util.get_node_ip_address())  # where Ray's head listens, whatever it is called
+    reasons = [reason for reason in (_silence(host, int(port)) for host in hosts) if reason]
+    if len(reasons) == len(hosts):
+        raise ClusterError(f"no Ray cluster answers at {address}: {reasons[0]}\nhint: unset RAY_ADDRESS, or mend it")
+
+
+def _silence(host: str, port: int) -> str:
+    """Why nobody answers there; empty where somebody does."""
     try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_SECONDS).close()
+        socket.create_connection((host, port), timeout=ANSWER_SECONDS).close()
     except OSError as error:
-        raise ClusterError(
-            f"no Ray cluster answers at {address}: {error}\nhint: unset RAY_ADDRESS, or mend it"
-        ) from None
+        return str(error)
+    return ""
 
 
 def _shards(ray: Any, work: Work, threads: int) -> Iterator[tuple[Shard, Digest]]:
