@@ -31,4 +31,5 @@ def test_a_built_in_domain_makes_records_of_every_split(cli, tmp_path, domain):
     splits = json.loads((tmp_path / "manifest.json").read_text())["splits"]
     assert (splits["train"], splits["validation"]) == (100, 20)
     assert {"unseen-objects", "unseen-actions", "unseen-shapes", "longer"} <= set(splits)
+    assert cli("verify-data", tmp_path).out == ""
     assert (files("strips_lm") / "domains" / domain / "README.md").is_file()

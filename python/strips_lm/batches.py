@@ -149,7 +149,7 @@ class Step:
 
     batches: list[Batch]
     records: NDArray[np.int64]
-    """Indices in the data set of the step's records, over all processes."""
+    """The step's records, as numbers in the `PlanDataset`, over all processes."""
     tokens: int
     """Scored tokens of the step, over all processes."""
     pairs: int
@@ -187,7 +187,7 @@ def build_step(
     cuts = _cut_batches(groups, plan.batch_tokens)
     return Step(
         batches=[_share(cut, data.pad, plan.spread, rank, world) for cut in cuts],
-        records=data.index[records],
+        records=records,
         tokens=sum(len(group[0].completion) for group in groups),
         pairs=sum(len(group) > 1 for group in groups),
         seen=sum(len(row) for group in groups for row in group),

@@ -63,3 +63,39 @@ gives the same bytes. `manifest.json` has the SHA-256 of every file.
 def _files(splits: list[tuple[str, int]], extension: str) -> str:
     names = (split.replace("-", "_") for split, _ in splits)
     return "\n".join(f"  - split: {name}\n    path: data/{name}-*.{extension}" for name in names)
+
+
+def mixture_card(config: RunConfig, splits: dict[str, dict[str, int]]) -> str:
+    """The card of a mixture; `splits` are the records of each domain's splits."""
+    names = [split for split in ABOUT if any(split in found for found in splits.values())]
+    rows = (
+        f"| `{domain}` | {' | '.join(f'{found[name]:,}' if name in found else '–' for name in names)} |"
+        for domain, found in splits.items()
+    )
+    plain = [name.replace("-", "_") for name in names]
+    paths = "\n".join(f"  - split: {name}\n    path: '*/data/{name}-*.{config.data.format}'" for name in plain)
+    return f"""---
+pretty_name: "strips-lm: {", ".join(splits)}"
+license: cc0-1.0
+language: [en]
+task_categories: [text-generation]
+tags: [planning, pddl, strips, synthetic]
+configs:
+- config_name: default
+  data_files:
+{paths}
+---
+
+# Plans with proof: {len(splits)} domains
+
+A data set of each domain, in a folder of its own, generated and proven by strips-lm {__version__}: prompts, plans with
+the state after each step, and wrong completions. Each folder has a card, its files' hashes and all that made it;
+`datasets.load_dataset` reads this folder, with the records of all domains, or one of those.
+
+| domain | {" | ".join(f"`{name}`" for name in plain)} |
+|---|{"---|" * len(names)}
+{chr(10).join(rows)}
+
+Made with `strips-lm gen-data` from `run.toml` (seed {config.seed}). `strips-lm verify-data` proves all of it again;
+`strips-lm train` on this folder trains one model on all domains.
+"""

@@ -163,8 +163,8 @@ tags: [planning, strips, pddl, strips-lm]
 ---
 # A STRIPS planner: {config.model.kind}, {config.model.layers} layers, {config.model.width} wide
 
-Writes plans (actions and the states between them) for problems of the `{config.data.domain}` domain. Trained by
-strips-lm on text made by its oracle; `run.toml` has every setting, `strips-lm generate` runs it and checks the plan.
+Writes plans (actions and the states between them) for problems of its domains. Trained by strips-lm on text made by its
+oracle; `run.toml` has every setting, `strips-lm generate` runs it and checks the plan.
 
 | | |
 |---|---|
@@ -177,5 +177,5 @@ strips-lm on text made by its oracle; `run.toml` has every setting, `strips-lm g
 
 ## Limits
 
-It knows this domain's actions alone. A plan that it writes may be wrong: check it with `strips-lm validate`.
+It knows the actions of its domains alone. A plan that it writes may be wrong: check it with `strips-lm validate`.
 """

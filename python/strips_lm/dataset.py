@@ -3,12 +3,14 @@
 The arrays lie in `DATA/tokens/<key>/<split>/`, where the key is a hash of the split's Parquet files and of the
 tokenizer; a finished folder has an `index.json`, written last. Records are read a row group at a time, so that the
 price is constant memory whatever the data's size. A pair shares its prompt. Records that the model's context cannot
-hold are counted, reported and left out, never cut. Batches are `strips_lm.batches`' concern.
+hold are counted, reported and left out, never cut. A mixture's data sets are tokenized each by itself and read as one.
+Batches are `strips_lm.batches`' concern.
 """
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
 import os
@@ -20,11 +22,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow.parquet as pq
 
-from strips_lm._native import DataError
+from strips_lm._native import DataError, Domain
+from strips_lm.folders import TOKENS, data_sets
 from strips_lm.tokenizer import fingerprint
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Sequence, Sized
 
     from numpy.typing import NDArray
 
@@ -54,6 +57,9 @@ class Ragged:
     def __getitem__(self, index: int) -> NDArray[np.integer]:
         return self.tokens[self.offsets[index] : self.offsets[index + 1]]
 
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
     @property
     def lengths(self) -> NDArray[np.int64]:
         """The length of each sequence."""
@@ -61,14 +67,40 @@ class Ragged:
 
 
 @dataclass(frozen=True, slots=True)
+class Chain:
+    """The sequences of several, one behind the other, each where it lies."""
+
+    parts: tuple[Ragged | Chain, ...]
+    starts: NDArray[np.int64]
+    """The number of each part's first sequence, and of all sequences."""
+
+    @classmethod
+    def of(cls, parts: Sequence[Ragged | Chain]) -> Chain:
+        """Joins them in order."""
+        return cls(tuple(parts), _starts(parts))
+
+    def __getitem__(self, index: int) -> NDArray[np.integer]:
+        part = int(np.searchsorted(self.starts, index, side="right")) - 1
+        return self.parts[part][index - int(self.starts[part])]
+
+    def __len__(self) -> int:
+        return int(self.starts[-1])
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """The length of each sequence."""
+        return np.concatenate([part.lengths for part in self.parts])
+
+
+@dataclass(frozen=True, slots=True)
 class PlanDataset:
     """The pairs of one split; record numbers below are positions in these arrays."""
 
-    prompts: Ragged
-    positives: Ragged
-    negatives: Ragged
+    prompts: Ragged | Chain
+    positives: Ragged | Chain
+    negatives: Ragged | Chain
     index: NDArray[np.int64]
-    """Each record's index in the data set."""
+    """Each record's index in its data set."""
     entropies: NDArray[np.float64]
     """Nats that no model can save on each record: the logarithm of the number of plans it was drawn from."""
     kept: NDArray[np.int64]
@@ -77,6 +109,8 @@ class PlanDataset:
     """The padding token."""
     slots: tuple[int, int]
     """(first, count) of the tokens that may be renumbered."""
+    mixed: tuple[tuple[str, int], ...] = ()
+    """Of a mixture, the name of each data set and the number of its first record."""
 
     def __len__(self) -> int:
         return len(self.kept)
@@ -91,9 +125,50 @@ class PlanDataset:
         """Tokens of each record's prompt and positive."""
         return self.prompts.lengths + self.positives.lengths
 
+    def label(self, record: int) -> str:
+        """The record's index in its data set, with that one's name where there are several."""
+        names = [name for name, first in self.mixed if first <= record]
+        return " ".join([*names[-1:], str(self.index[record])])
+
+
+def open_data(data: str | Path, split: str, tokenizer: PlanTokenizer, context: int, room: int = 0) -> PlanDataset:
+    """The split of a data set, or of all data sets of a mixture as one; else as `open_split`."""
+    folders = data_sets(Path(data))
+    parts = [open_split(folder, split, _speaking(tokenizer, folder), context, room) for folder in folders]
+    return parts[0] if len(parts) == 1 else mix(parts, [folder.name for folder in folders])
+
+
+def _speaking(tokenizer: PlanTokenizer, folder: Path) -> PlanTokenizer:
+    """The tokenizer for the texts of a data set's domain."""
+    path = folder / "domain.pddl"
+    return tokenizer.of_domain(Domain.parse(path.read_bytes(), str(path))) if path.is_file() else tokenizer
+
+
+def mix(parts: Sequence[PlanDataset], names: Sequence[str]) -> PlanDataset:
+    """All records of several data sets, each set's spread evenly over the order of `kept`."""
+    starts = _starts([part.index for part in parts])
+    kept = np.concatenate([part.kept + start for part, start in zip(parts, starts, strict=False)])
+    places = np.concatenate([(np.arange(len(part)) + 0.5) / len(part) for part in parts])
+    return PlanDataset(
+        prompts=Chain.of([part.prompts for part in parts]),
+        positives=Chain.of([part.positives for part in parts]),
+        negatives=Chain.of([part.negatives for part in parts]),
+        index=np.concatenate([part.index for part in parts]),
+        entropies=np.concatenate([part.entropies for part in parts]),
+        kept=kept[np.argsort(places, kind="stable")],
+        pad=parts[0].pad,
+        slots=parts[0].slots,
+        mixed=tuple(zip(names, starts.tolist(), strict=False)),
+    )
+
+
+def _starts(parts: Sequence[Sized]) -> NDArray[np.int64]:
+    """The number of the first of each part's things, and of all things."""
+    return np.concatenate(([0], np.cumsum([len(part) for part in parts], dtype=np.int64)))
+
 
 def open_split(data: str | Path, split: str, tokenizer: PlanTokenizer, context: int, room: int = 0) -> PlanDataset:
-    """The split of a data set, tokenized now unless that was done before.
+    """The split of one data set, tokenized now unless that was done before.
 
     `context` is the most positions that a record may take and `room` what a position offset may add to it.
 
@@ -101,7 +176,7 @@ def open_split(data: str | Path, split: str, tokenizer: PlanTokenizer, context: 
         DataSetError: the split is missing or empty, or none of its records fits.
     """
     files = split_files(data, split)
-    folder = Path(data) / "tokens" / _key(files, tokenizer) / split
+    folder = Path(data) / TOKENS / _key(files, tokenizer) / split
     if not (folder / "index.json").is_file():
         _tokenize(files, tokenizer, folder)
     prompts, positives, negatives = [
@@ -146,13 +221,12 @@ def read_rows(files: Sequence[Path], columns: Sequence[str], rows: int = ROWS) -
 
 
 def texts(data: str | Path, split: str = "train", limit: int = 20_000) -> Iterator[str]:
-    """The first `limit` records' texts, for a tokenizer to learn from."""
-    seen = 0
-    for batch in read_rows(split_files(data, split), ("prompt", "completion")):
-        for prompt, completion in zip(batch["prompt"], batch["completion"], strict=True):
-            if seen == limit:
-                return
-            seen += 1
+    """The first `limit` records' texts, for a tokenizer to learn from; of a mixture as many of each data set."""
+    folders = data_sets(Path(data))
+    for folder in folders:
+        rows = read_rows(split_files(folder, split), ("prompt", "completion"))
+        pairs = (pair for batch in rows for pair in zip(batch["prompt"], batch["completion"], strict=True))
+        for prompt, completion in itertools.islice(pairs, -(-limit // len(folders))):
             yield f"{prompt} {completion}"
 
 

@@ -7,6 +7,7 @@ among them, of prompts' numbers to guide the model.
 
 from __future__ import annotations
 
+import copy
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    from strips_lm._native import Domain
     from strips_lm.config import GenerateConfig
     from strips_lm.decode import Decoder
     from strips_lm.guide import Tasks
@@ -121,6 +123,16 @@ class Planner:
         device = device or ("cuda" if torch.cuda.is_available() else "cpu")
         model: Any = load_model(place)
         return cls(model.to(device), tokenizers.load(place), config, seed)
+
+    def for_domain(self, domain: Domain) -> Self:
+        """The same planner for prompts of one domain, which a model that was trained on several must know.
+
+        Raises:
+            TokenizerError: it was trained on several, and on none like this.
+        """
+        found = copy.copy(self)
+        found.tokenizer = self.tokenizer.of_domain(domain)
+        return found
 
     @property
     def model_context(self) -> int:

@@ -6,7 +6,6 @@ them an operator is a fixed sequence of tokens, which it is not where names are 
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +40,7 @@ class OracleGuide:
         """A guide for the prompts that `legends` belong to.
 
         Raises:
-            ConfigError: the tokenizer is not canonical, or of another domain than the tasks.
+            ConfigError: the tokenizer is not canonical, or its texts are of another domain than the tasks.
         """
         words = canonical(tokenizer)
         check_domain(words, tasks.domain)
@@ -147,21 +146,7 @@ def check_domain(tokenizer: CanonicalTokenizer, domain: _native.Domain) -> None:
     """Refuse a domain whose operators the tokenizer's words do not say.
 
     Raises:
-        ConfigError: predicates or actions differ from those of the domain that the model was trained on.
+        ConfigError: predicates or actions differ from those of the domain that the tokenizer's texts are of.
     """
-    known = json.loads(tokenizer.codec.to_json())["domains"]
-    asked = _signature(domain)
-    for trained in known:
-        predicates = [(p["name"], p["arity"]) for p in trained["predicates"]]
-        if (predicates, [tuple(action) for action in trained["actions"]]) == asked:
-            return
-    names = ", ".join(trained["name"] for trained in known)
-    raise ConfigError(
-        f"the model was trained on `{names}`, and the predicates or actions of `{domain.name}` are not the same"
-    )
-
-
-def _signature(domain: _native.Domain) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
-    """Predicates and actions with the numbers of their parameters, in order."""
-    predicates = [(name, len(types)) for name, types in domain.predicates]
-    return predicates, [(name, len(types)) for name, types in domain.actions]
+    if not tokenizer.speaks(domain):
+        raise ConfigError(tokenizer.not_trained_on(domain))

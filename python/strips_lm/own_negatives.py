@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from strips_lm.dataset import DataSetError, PlanDataset, Ragged
+from strips_lm.dataset import Chain, DataSetError, PlanDataset, Ragged
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,8 +51,11 @@ def with_negatives(data: PlanDataset, path: str | Path, tokenizer: PlanTokenizer
     A negative that is too long, or whose record is left out, changes nothing.
 
     Raises:
-        DataSetError: there is no such file, no record of it is in the split, or one has another prompt there.
+        DataSetError: there is no such file, no record of it is in the split, or one has another prompt there; or the
+            data is a mixture, in which an index names no record.
     """
+    if data.mixed:
+        raise DataSetError("`train.own_negatives` goes with one data set, not with a mixture of several")
     if not Path(path).is_file():
         raise DataSetError(f"{path}: no such file\nhint: `strips-lm sample-negatives` writes it")
     rows = pq.read_table(path, columns=["index", "prompt", "words", "negative"]).to_pydict()
@@ -72,8 +75,8 @@ def with_negatives(data: PlanDataset, path: str | Path, tokenizer: PlanTokenizer
     return replace(data, negatives=_put(data.negatives, found))
 
 
-def _put(old: Ragged, new: dict[int, np.ndarray]) -> Ragged:
+def _put(old: Ragged | Chain, new: dict[int, np.ndarray]) -> Ragged:
     """The sequences with some of them exchanged."""
-    rows = [new.get(place, old[place]) for place in range(len(old.offsets) - 1)]
+    rows = [new.get(place, old[place]) for place in range(len(old))]
     offsets = np.concatenate(([0], np.cumsum([len(row) for row in rows], dtype=np.int64)))
-    return Ragged(np.concatenate(rows).astype(old.tokens.dtype), offsets)
+    return Ragged(np.concatenate(rows).astype(old[0].dtype), offsets)

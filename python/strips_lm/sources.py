@@ -6,13 +6,14 @@ Knows which files there are and reads them; what they mean is the oracle's conce
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from glob import glob, has_magic
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from strips_lm._native import RecordStream
+from strips_lm.config import DataConfig
 from strips_lm.config.names import ConfigError, suggestion
 
 if TYPE_CHECKING:
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
 
     from strips_lm.config import RunConfig
 
-NOT_RECORDS = ("domain", "problems", "format", "shard_records")
+ALL = "all"
+"""The name under which all built-in domains are asked for at once."""
+
+NOT_RECORDS = ("domain", "shares", "problems", "format", "shard_records")
 """Fields of `DataConfig` that say where records come from or go to, not what they are."""
 
 
@@ -59,6 +63,14 @@ def record_config(config: RunConfig) -> str:
     """What decides the records, as JSON for the oracle."""
     fields = {key: value for key, value in asdict(config.data).items() if key not in NOT_RECORDS}
     return json.dumps({"seed": config.seed, **fields})
+
+
+def fitting(data: DataConfig) -> DataConfig:
+    """Leaves out the held-out templates of the default domain where another domain is asked for."""
+    default = DataConfig()
+    if data.domain not in (default.domain, ALL) and data.held_out_templates == default.held_out_templates:
+        return replace(data, held_out_templates=())
+    return data
 
 
 def built_in_domains() -> list[str]:

@@ -18,9 +18,11 @@ from accelerate.tracking import get_available_trackers
 from accelerate.utils import DistributedType, broadcast_object_list
 
 from strips_lm import tokenizer as tokenizers
+from strips_lm._native import Domain
 from strips_lm.batches import Dress, Plan, build_step, walk
 from strips_lm.checkpoint import Keeper, Progress, last_checkpoint, resume
-from strips_lm.dataset import entropy_floor, open_split, texts
+from strips_lm.dataset import entropy_floor, open_data, texts
+from strips_lm.folders import data_sets
 from strips_lm.loss import weighted
 from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
@@ -270,7 +272,7 @@ _LOWER = "hint: lower `train.lr` and `train.matrix_lr`, then go on from the last
 
 
 def _not_finite(run: Run, step: Step) -> str:
-    named = ", ".join(map(str, step.records[:20].tolist()))
+    named = ", ".join(map(run.data.label, step.records[:20].tolist()))
     more = "" if len(step.records) <= 20 else f" and {len(step.records) - 20} more"
     return (
         f"the loss of step {run.progress.step + 1} or its gradient is not finite; its records: {named}{more}\n{_LOWER}"
@@ -302,7 +304,7 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
         choose_threads(objective, training)
     prepared, optimizer = accelerator.prepare(objective, optimizer)
     config.save(out / "run.toml")
-    about = {"records": len(training), "records too long, left out": training.left_out}
+    about = {"domains": _domains(data), "records": len(training), "records too long, left out": training.left_out}
     records = min(config.train.validation_records, len(validation))
     held = validation_step(validation, records, config.train.batch_tokens, config.model.kind == "double-head")
     return Run(
@@ -317,6 +319,12 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
         progress,
         Clock(progress.seconds),
     )
+
+
+def _domains(data: Path) -> str:
+    """The names of the domains that the data is of, as far as the folders say."""
+    paths = [path for path in (folder / "domain.pddl" for folder in data_sets(data)) if path.is_file()]
+    return ", ".join(Domain.parse(path.read_bytes(), str(path)).name for path in paths) or "?"
 
 
 def _accelerator(trackers: Sequence[str], out: Path) -> Accelerator:
@@ -339,7 +347,7 @@ def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanT
 def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:
     """The training and the validation split."""
     context, room = config.model.context, config.train.position_offset
-    training = open_split(data, "train", tokenizer, context, room)
+    training = open_data(data, "train", tokenizer, context, room)
     if config.train.own_negatives:
         training = with_negatives(training, config.train.own_negatives, tokenizer, context - room)
-    return training, open_split(data, "validation", tokenizer, context)
+    return training, open_data(data, "validation", tokenizer, context)

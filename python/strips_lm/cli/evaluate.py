@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.add_argument("models", metavar="MODEL", nargs="*", help="folders that `strips-lm train` wrote")
-    parser.add_argument("--data", metavar="DIR", help="the data set")
+    parser.add_argument("--data", metavar="DIR", help="the data set, or a mixture of several")
     parser.add_argument("--suite", action="append", metavar="NAME", help="a suite (again for more; default: all eight)")
     own = "PDDL problems of the data set's domain as a suite (again for more); without `--suite` they are all"
     parser.add_argument("--problems", action="append", metavar="FOLDER", help=own)
@@ -50,10 +50,9 @@ def _evaluate(
         raise ConfigError("`evaluate` needs at least one MODEL and `--data DIR`")
     config = RunConfig.load(args.preset, [*_overrides(args), *(overrides or [])])
     with progress() as (tell, tick):
-        from strips_lm.evaluate.evaluation import Evaluation  # noqa: PLC0415
-        from strips_lm.evaluate.suites import DataFolder  # noqa: PLC0415
+        from strips_lm.evaluate.evaluation import evaluate  # noqa: PLC0415
 
-        results = Evaluation(config, DataFolder(data), tell, tick).run(models)
+        results = evaluate(config, data, models, tell, tick)
     if args.json:
         results.save(args.json)
     return results

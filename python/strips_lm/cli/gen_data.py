@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
-    from strips_lm.config import DataConfig, RunConfig
+    from strips_lm.config import RunConfig
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +25,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR|URL", required=True, help="the data set's folder, or a URL (`s3://…`) for fsspec"
     )
-    parser.add_argument("--domain", metavar="NAME|DIR|FILE", help="a built-in domain, a folder like one, a PDDL file")
+    domains = "a built-in domain, a folder like one, a PDDL file, or `all`: a data set of each built-in domain"
+    parser.add_argument("--domain", metavar="NAME|DIR|FILE", help=domains)
     parser.add_argument(
         "--problems", metavar="GLOB", nargs="+", action="extend", default=[], help="problems of your own"
     )
@@ -51,15 +52,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Writes the data set."""
+    """Writes the data set, or those of a mixture."""
+    from strips_lm.mixture import write_mixture  # noqa: PLC0415
     from strips_lm.shards import write_data_set  # noqa: PLC0415  (pyarrow is for this command alone)
-    from strips_lm.sources import read_sources  # noqa: PLC0415
+    from strips_lm.sources import ALL, read_sources  # noqa: PLC0415
 
     config = _config(args)
-    sources = read_sources(config.data.domain, config.data.problems)
     progress = Progress()
     with _workers(args) as settings:
-        wrote = write_data_set(args.out, config, sources, tick=progress.tick, warn=progress.say, **settings)
+        if config.data.domain == ALL:
+            wrote = write_mixture(args.out, config, tick=progress.tick, warn=progress.say, **settings)
+        else:
+            sources = read_sources(config.data.domain, config.data.problems)
+            wrote = write_data_set(args.out, config, sources, tick=progress.tick, warn=progress.say, **settings)
     progress.say(f"{args.out}: {'written' if wrote else 'is finished already'}")
     return 0
 
@@ -78,23 +83,15 @@ def _workers(args: argparse.Namespace) -> Iterator[dict[str, Any]]:
 
 def _config(args: argparse.Namespace) -> RunConfig:
     """The configuration, with the arguments that have a field of their own put on top."""
+    from strips_lm.sources import fitting  # noqa: PLC0415
+
     config = read_config(args)
     given = {name: getattr(args, name) for name in ("domain", "pairs", "max_steps", "random_goals", "format")}
     if args.problems:
         given["problems"] = tuple(args.problems)
     data = dataclasses.replace(config.data, **{name: value for name, value in given.items() if value is not None})
     seed = config.seed if args.seed is None else args.seed
-    return dataclasses.replace(config, seed=seed, data=_fitting(data))
-
-
-def _fitting(data: DataConfig) -> DataConfig:
-    """Leaves out the held-out templates of the default domain where another domain is asked for."""
-    from strips_lm.config import DataConfig  # noqa: PLC0415
-
-    default = DataConfig()
-    if data.domain != default.domain and data.held_out_templates == default.held_out_templates:
-        return dataclasses.replace(data, held_out_templates=())
-    return data
+    return dataclasses.replace(config, seed=seed, data=fitting(data))
 
 
 class Progress:

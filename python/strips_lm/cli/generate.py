@@ -91,7 +91,7 @@ class Question:
         check_decode(args.decode)
         if args.fallback and args.decode not in GUIDED:
             raise UsageError("`--fallback` goes with `--decode masked` or `--decode search`")
-        return Planner.load(args.model, config.generate, config.seed)
+        return Planner.load(args.model, config.generate, config.seed).for_domain(self.domain)
 
     def ask(self, planner: Planner, decode: str) -> Completion:
         """The model's completion."""

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
 
     config = read_config(args)
     data = DataFolder(args.data)
-    planner = Planner.load(args.model, config.generate, config.seed)
+    planner = Planner.load(args.model, config.generate, config.seed).for_domain(data.domain)
     with progress() as (_, tick):
         total = config.generate.samples * args.limit
         found = sample_negatives(planner, data, args.limit, lambda done: tick("samples", done, max(total, done)))

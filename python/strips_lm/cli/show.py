@@ -23,10 +23,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Prints the record."""
     from strips_lm.config import ConfigError, RunConfig  # noqa: PLC0415
+    from strips_lm.folders import one_data_set  # noqa: PLC0415
     from strips_lm.shards import table  # noqa: PLC0415
     from strips_lm.sources import read_kept  # noqa: PLC0415
 
-    stream = read_kept(args.data).stream(RunConfig.load(args.data / "run.toml"))
+    data = one_data_set(args.data)
+    stream = read_kept(data).stream(RunConfig.load(data / "run.toml"))
     records = dict(stream.splits).get(args.split, 0)
     if args.index >= records:
         raise ConfigError(f"the split {args.split} has {records} records")

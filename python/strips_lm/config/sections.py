@@ -38,7 +38,9 @@ class DataConfig:
     """What `gen-data` makes."""
 
     domain: str = "manipulation"
-    """A built-in domain's name, or a folder with the same files."""
+    """A built-in domain's name, a folder with the same files, or `all`: a data set of each built-in domain."""
+    shares: dict[str, float] = field(default_factory=dict)
+    """`all`: weight of each domain's `pairs`, 1 where it is not named; 0 leaves it out."""
     problems: tuple[str, ...] = ()
     """PDDL problems of your own, used with their goals; `*`, `?` and `[…]` are expanded."""
     random_goals: bool = False
@@ -107,6 +109,7 @@ class DataConfig:
 
     def __post_init__(self) -> None:
         check(self.pairs > 0, "`data.pairs` must be positive")
+        check(min(self.shares.values(), default=0.0) >= 0.0, "`data.shares` are at least 0")
         check(self.max_steps > 0, "`data.max_steps` must be positive")
         check(self.shard_records > 0, "`data.shard_records` must be positive")
         check(len(self.longer_steps) == 2, "`data.longer_steps` are two numbers")

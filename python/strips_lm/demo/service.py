@@ -7,7 +7,6 @@ are values that JSON can hold.
 from __future__ import annotations
 
 import itertools
-import json
 import threading
 import time
 from importlib.resources import files
@@ -113,28 +112,27 @@ class Service:
         tell(oracle(asked.task, asked.judge(made.text)))
 
     def _write(self, asked: Asked, decode: str, tell: Tell) -> Completion:
-        found, legends = self.planner.tokenizer.encode_prompts([asked.prompt])
+        planner = self.planner.for_domain(asked.domain)
+        found, legends = planner.tokenizer.encode_prompts([asked.prompt])
         ids: list[list[int]] = [row.tolist() for row in found]
         end, seen = time.monotonic() + self.seconds, [-1]
 
         def listen(tokens: list[int]) -> None:
             if time.monotonic() > end:
                 raise TimeUpError(f"the model was stopped after {self.seconds:g} seconds")
-            text = self.planner.tokenizer.decode_completions(ids, [tokens[len(ids[0]) :]], legends)[0]
+            text = planner.tokenizer.decode_completions(ids, [tokens[len(ids[0]) :]], legends)[0]
             whole = text.rpartition("<ACTION>")[0]
             if text.count("<ACTION>") != seen[0]:
                 seen[0] = text.count("<ACTION>")
                 tell({"event": "steps", "steps": [_step(step) for step in trace(asked.prompt, whole).steps]})
 
-        self.planner.listen = listen
-        try:
-            return self.planner.complete([asked.prompt], decode, asked.holds, tasks=asked.tasks()).completions[0]
-        finally:
-            self.planner.listen = lambda _: None
+        planner.listen = listen
+        return planner.complete([asked.prompt], decode, asked.holds, tasks=asked.tasks()).completions[0]
 
     def _answer(self, asked: Asked, made: Completion) -> dict[str, Any]:
         """The whole plan with the oracle's judgement of each step, and the model's probability of it."""
-        judged, probable = asked.judge(made.text), stepwise(self.planner, [asked.prompt], [made.text])[0]
+        judged = asked.judge(made.text)
+        probable = stepwise(self.planner.for_domain(asked.domain), [asked.prompt], [made.text])[0]
         valid = judged.verdict.is_valid and made.finished
         steps = [_step(step) for step in trace(asked.prompt, made.text).steps]
         for number, (step, operator, state) in enumerate(
@@ -155,8 +153,7 @@ class Service:
 
     def _trained(self) -> list[str]:
         """The domains that the model's tokenizer knows; none where it spells names."""
-        codec = getattr(self.planner.tokenizer, "codec", None)
-        return [found["name"] for found in json.loads(codec.to_json())["domains"]] if codec else []
+        return [name for name, _ in getattr(self.planner.tokenizer, "domains", ())]
 
 
 class Asked:

@@ -13,13 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from strips_lm import tokenizer as tokenizers
-from strips_lm.config import RunConfig, versions
+from strips_lm.config import ConfigError, RunConfig, versions
+from strips_lm.config.names import suggestion
 from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.renaming import Names, invariance
 from strips_lm.evaluate.results import OWN_SAMPLE, Example, Invariance, Model, Output, Results, Score
 from strips_lm.evaluate.stepwise import stepwise
 from strips_lm.evaluate.suite import Suite
+from strips_lm.evaluate.suites import DataFolder
 from strips_lm.evaluate.tally import Trial, own_choices, tally
+from strips_lm.folders import data_sets
 from strips_lm.generate import GUIDED, Batch, Planner, check_decode
 from strips_lm.guide import canonical, check_domain
 from strips_lm.model import checkpoint_folder
@@ -28,7 +31,50 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from strips_lm._native import Judgement
-    from strips_lm.evaluate.suites import DataFolder
+
+
+def evaluate(
+    config: RunConfig,
+    data: str | Path,
+    models: Sequence[str | Path],
+    tell: Callable[[str], None],
+    tick: Callable[[str, int, int], None] | None = None,
+) -> Results:
+    """Evaluate models on a data set, or on each of a mixture's, whose suites are then called `domain/suite`.
+
+    Raises:
+        ConfigError: there is no such suite or way of decoding, or a model cannot be decoded so.
+    """
+    folders = [DataFolder(folder) for folder in data_sets(Path(data))]
+    if len(folders) == 1:
+        return Evaluation(config, folders[0], tell, tick).run(models)
+    if config.evaluate.problems:
+        raise ConfigError("`--problems` are of one domain\nhint: `--data` with that domain's folder of the mixture")
+    whole: Results | None = None
+    for folder, part in zip(folders, _parts(config, folders), strict=True):
+        tell(f"{folder.path.name}:")
+        found = Evaluation(part, folder, tell, tick).run(models)
+        found.prefix_suites(folder.path.name)
+        whole = found if whole is None else whole
+        whole.join(found)
+    assert whole is not None
+    whole.data, whole.config = str(data), _settings(config)
+    return whole
+
+
+def _parts(config: RunConfig, folders: Sequence[DataFolder]) -> list[RunConfig]:
+    """The configuration for each of a mixture's data sets: the suites that it has.
+
+    Raises:
+        ConfigError: a suite is in none of them.
+    """
+    there = [set(folder.suites()) for folder in folders]
+    for suite in config.evaluate.suites:
+        if not any(suite in names for names in there):
+            raise ConfigError(f"no suite `{suite}` in any data set{suggestion(suite, set().union(*there))}")
+    suites = [tuple(suite for suite in config.evaluate.suites if suite in names) for names in there]
+    return [replace(config, evaluate=replace(config.evaluate, suites=found)) for found in suites]
+
 
 RERANKS = ("first", "head", "likelihood", "oracle")
 """The ways of choosing among samples, in the order of the table; the first is no choice at all."""
@@ -61,9 +107,10 @@ class Evaluation:
         """
         if set(GUIDED) & set(self.config.evaluate.decodes):
             for folder in folders:
-                check_domain(canonical(tokenizers.load(checkpoint_folder(folder))), self.data.domain)
+                words = canonical(tokenizers.load(checkpoint_folder(folder))).of_domain(self.data.domain)
+                check_domain(words, self.data.domain)
         for name, folder in zip(model_names(folders), folders, strict=True):
-            planner = Planner.load(folder, self.config.generate, self.config.seed)
+            planner = Planner.load(folder, self.config.generate, self.config.seed).for_domain(self.data.domain)
             self.results.models.append(describe(name, folder, planner))
             for suite in self.suites:
                 self._try(planner, name, suite)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -227,6 +227,13 @@ class Results:
             found[name] = [kind(**item) for item in found.get(name, [])]
         found["examples"] = [_example(item) for item in found["examples"]]
         return cls(**found)
+
+    def prefix_suites(self, domain: str) -> None:
+        """Call the suites of one of a mixture's data sets by its name too: `ferry/seen`."""
+        self.scores = [replace(part, suite=f"{domain}/{part.suite}") for part in self.scores]
+        self.likelihoods = [replace(part, suite=f"{domain}/{part.suite}") for part in self.likelihoods]
+        self.invariances = [replace(part, suite=f"{domain}/{part.suite}") for part in self.invariances]
+        self.examples = [replace(part, suite=f"{domain}/{part.suite}") for part in self.examples]
 
     def join(self, other: Results) -> None:
         """Add what another evaluation found; where both have a score, this one's stays."""

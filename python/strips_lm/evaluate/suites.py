@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from strips_lm import _native
 from strips_lm.config import ConfigError
 from strips_lm.config.names import suggestion
+from strips_lm.folders import one_data_set
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -51,9 +52,9 @@ class DataFolder:
         """Open it.
 
         Raises:
-            ConfigError: it is not a finished data set.
+            ConfigError: it is not a finished data set, or several.
         """
-        self.path = Path(path)
+        self.path = one_data_set(Path(path))
         if not (self.path / "manifest.json").is_file():
             raise ConfigError(f"{path}: no finished data set here\nhint: strips-lm gen-data --out {path}")
         self.domain_text = (self.path / "domain.pddl").read_text(encoding="utf-8")

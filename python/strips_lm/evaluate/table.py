@@ -28,16 +28,27 @@ def interval(score: Score) -> str:
     return f"{100 * score.share:.1f} [{100 * score.valid_low:.1f}, {100 * score.valid_high:.1f}]"
 
 
+def place(suite: str) -> tuple[str, str]:
+    """The domain, where the suite is of a mixture's data set, and the suite's own name."""
+    domain, _, name = suite.rpartition("/")
+    return domain, name
+
+
 def summary(results: Results) -> Table:
-    """The report's Table 1: one line a model, one column a suite, free greedy decoding first."""
+    """The report's Table 1: one line a model (and domain), one column a suite, free greedy decoding first."""
     table = Table(title="Table 1", caption=_caption(results), caption_justify="left")
-    suites = ordered(score.suite for score in results.scores)
-    for name in ("model", "decode", "perplexity", "choice %"):
-        table.add_column(name, justify="left" if name in {"model", "decode"} else "right", no_wrap=True)
+    suites = ordered(place(score.suite)[1] for score in results.scores)
+    lines = list(_lines(results))
+    mixed = any(domain for _, _, domain in lines)
+    for name in ("model", *(["domain"] if mixed else []), "decode"):
+        table.add_column(name, no_wrap=True)
+    for name in ("perplexity", "choice %"):
+        table.add_column(name, justify="right", no_wrap=True)
     for suite in suites:
         table.add_column(suite, justify="right")
-    for model, decode in _lines(results):
-        table.add_row(*_cells(results, model, decode, suites))
+    for model, decode, domain in lines:
+        about = [model, domain] if mixed else [model]
+        table.add_row(*about, *_cells(results, model, decode, [f"{domain}/{s}".lstrip("/") for s in suites]))
     return table
 
 
@@ -47,19 +58,18 @@ def _caption(results: Results) -> str:
     return f"% valid plans of {spread} prompts a suite, checked by the oracle; * the oracle took part in decoding"
 
 
-def _lines(results: Results) -> Iterator[tuple[str, str]]:
-    """(model, decode) of each line, the ones without the oracle's help first."""
+def _lines(results: Results) -> Iterator[tuple[str, str, str]]:
+    """(model, decode, domain) of each line, the ones without the oracle's help first."""
     ranked = sorted(results.scores, key=lambda s: s.oracle_helps)
-    yield from ordered((s.model, s.decode) for s in ranked)
+    yield from ordered((s.model, s.decode, place(s.suite)[0]) for s in ranked)
 
 
 def _cells(results: Results, model: str, decode: str, suites: list[str]) -> list[str]:
     scores = {s.suite: s for s in results.scores if (s.model, s.decode) == (model, decode)}
     mark = "*" if any(s.oracle_helps for s in scores.values()) else ""
     return [
-        model,
         decode + mark,
-        *likelihood_cells([k for k in results.likelihoods if k.model == model]),
+        *likelihood_cells([k for k in results.likelihoods if k.model == model and k.suite in suites]),
         *(interval(scores[suite]) if suite in scores else "–" for suite in suites),
     ]
 

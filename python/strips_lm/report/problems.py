@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from strips_lm import _native
+from strips_lm.evaluate.table import place
 from strips_lm.report import graph
 from strips_lm.report.figures import free_scores
 from strips_lm.report.words import atoms_line, verdict_line
@@ -30,21 +31,24 @@ def chosen_problems(results: Results, count: int = 3) -> str:
 
     Nothing where the data set's domain is not at hand, or no graph is small enough.
     """
-    path = Path(results.data) / "domain.pddl"
-    if not path.is_file():
-        return ""
-    domain = _native.Domain.parse(path.read_bytes(), str(path))
     drawn: list[str] = []
     suites: set[tuple[str, bool]] = set()
     for found, output in _ranked(results):
         kind = (found.suite, output.verdict == "valid")
         if kind in suites or len(drawn) == count:
             continue
-        figure = _figure(domain, found, output)
+        domain = _domain(results, found.suite)
+        figure = _figure(domain, found, output) if domain else ""
         if figure:
             drawn.append(figure)
             suites.add(kind)
     return "".join(drawn)
+
+
+def _domain(results: Results, suite: str) -> _native.Domain | None:
+    """The domain of a suite's data set, if it is at hand."""
+    path = Path(results.data) / place(suite)[0] / "domain.pddl"
+    return _native.Domain.parse(path.read_bytes(), str(path)) if path.is_file() else None
 
 
 def _ranked(results: Results) -> list[tuple[Example, Output]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
-from strips_lm.evaluate.table import ordered, percent
+from strips_lm.evaluate.table import ordered, percent, place
 from strips_lm.report.figures import free_scores
 
 if TYPE_CHECKING:
@@ -33,12 +33,15 @@ def _card(number: int, s: Score) -> str:
 
 
 def table(results: Results) -> str:
-    """Table 1: a line for each model and way of decoding, a column for each suite; the oracle's help stands apart."""
-    suites = ordered(s.suite for s in results.scores)
+    """Table 1: a line for each model and way of decoding, a column for each suite; the oracle's help stands apart.
+
+    On a mixture each domain has lines of its own.
+    """
+    suites = ordered(place(s.suite)[1] for s in results.scores)
     first = free_scores(results)[0].decode
-    free = ordered((s.model, s.decode) for s in results.scores if not s.oracle_helps)
+    free = ordered((s.model, s.decode, place(s.suite)[0]) for s in results.scores if not s.oracle_helps)
     free.sort(key=lambda line: line[1] != first)
-    helped = ordered((s.model, s.decode) for s in results.scores if s.oracle_helps)
+    helped = ordered((s.model, s.decode, place(s.suite)[0]) for s in results.scores if s.oracle_helps)
     heads = "".join(f"<th>{_breaking(name)}</th>" for name in ["model", *suites, "perplexity", "choice %"])
     body = _lines(results, "Without help", free, suites) + _lines(results, "With the oracle's help", helped, suites)
     return f'<div class="scroll"><table class="results"><thead><tr>{heads}</tr></thead>{body}</table></div>'
@@ -49,7 +52,7 @@ def _breaking(name: str) -> str:
     return escape(name).replace("-", "-<wbr>")
 
 
-def _lines(results: Results, title: str, lines: Sequence[tuple[str, str]], suites: Sequence[str]) -> str:
+def _lines(results: Results, title: str, lines: Sequence[tuple[str, str, str]], suites: Sequence[str]) -> str:
     """A part of the table with its own heading; nothing where it has no line."""
     if not lines:
         return ""
@@ -57,11 +60,13 @@ def _lines(results: Results, title: str, lines: Sequence[tuple[str, str]], suite
     return f'<tbody><tr><th class="part" colspan="{len(suites) + 3}"><span>{title}</span></th></tr>{rows}</tbody>'
 
 
-def _row(results: Results, model: str, decode: str, suites: Sequence[str]) -> str:
+def _row(results: Results, model: str, decode: str, domain: str, suites: Sequence[str]) -> str:
+    names = [f"{domain}/{suite}".lstrip("/") for suite in suites]
     scores = {s.suite: s for s in results.scores if (s.model, s.decode) == (model, decode)}
-    cells = [f"<td>{escape(model)}<small>{escape(decode)}</small></td>"]
-    cells += [_share_cell(scores.get(suite), results) for suite in suites]
-    cells += _likelihood_cells([k for k in results.likelihoods if k.model == model])
+    about = f"{domain}, {decode}" if domain else decode
+    cells = [f"<td>{escape(model)}<small>{escape(about)}</small></td>"]
+    cells += [_share_cell(scores.get(name), results) for name in names]
+    cells += _likelihood_cells([k for k in results.likelihoods if k.model == model and k.suite in names])
     return f"<tr>{''.join(cells)}</tr>"
 
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from strips_lm._native import DataError
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
     from transformers import PreTrainedTokenizerFast
+
+    from strips_lm._native import Domain
 
     Ids = NDArray[np.int32]
 
@@ -55,6 +57,9 @@ class PlanTokenizer(Protocol):
     @property
     def end_id(self) -> int:
         """The token that ends a record, and pads."""
+
+    def of_domain(self, domain: Domain) -> Self:
+        """The same tokens for texts of one domain, of the several that a mixture's tokenizer knows."""
 
     def encode_prompts(self, prompts: Sequence[str]) -> tuple[list[Ids], list[Any]]:
         """Token ids and a legend for each prompt."""

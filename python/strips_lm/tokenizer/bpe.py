@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from tokenizers import AddedToken, Tokenizer, decoders, models, pre_tokenizers, trainers
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+    from strips_lm._native import Domain
     from strips_lm.tokenizer.base import Ids
 
 
@@ -88,6 +89,11 @@ class BpeTokenizer:
     def end_id(self) -> int:
         """The token that ends a record, and pads."""
         return self.hf.get_vocab()[END]
+
+    def of_domain(self, domain: Domain) -> Self:
+        """Itself: spelled text is of no domain."""
+        del domain
+        return self
 
     def encode_prompts(self, prompts: Sequence[str]) -> tuple[list[Ids], list[Any]]:
         """Token ids of each prompt; legends are None."""

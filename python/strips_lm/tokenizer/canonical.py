@@ -1,21 +1,27 @@
 """The canonical rewriting (Rust) and a word for every token of it.
 
 The codec maps a text to words, and a legend that gives the text back. The vocabulary is closed: the special tokens,
-every word the codec may write for this domain, and last, in one contiguous block, the object slots, so that training
+every word the codec may write for its domains, and last, in one contiguous block, the object slots, so that training
 may renumber them by arithmetic. Only hints that a user's own prompt also has are given to the codec, so that training
 and generation see the same tokens.
+
+A mixture's tokenizer knows several domains. Words that they share are one token, although `move` may take two objects
+in one and three in another: which it is, the domain says, and so texts are encoded by `of_domain(domain)`.
 """
 
 from __future__ import annotations
 
+import copy
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from tokenizers import AddedToken, Tokenizer, models, pre_tokenizers
 from transformers import PreTrainedTokenizerFast
 
 from strips_lm import _native
+from strips_lm.folders import data_sets
 from strips_lm.tokenizer.base import END, SPECIAL, START, TokenizerError, read_settings, write_settings
 
 if TYPE_CHECKING:
@@ -30,8 +36,12 @@ DOMAIN, LEXICON, CODEC = "domain.pddl", "lexicon.toml", "codec.json"
 """The files of a data set that the codec is made of, and the file of a saved tokenizer that holds it."""
 
 
+Signature = tuple[list[tuple[str, int]], list[tuple[str, int]]]
+"""A domain's predicates and its actions, each with its number of parameters, in order."""
+
+
 class CanonicalTokenizer:
-    """A `PlanTokenizer` over the canonical rewriting of one domain."""
+    """A `PlanTokenizer` over the canonical rewriting of a domain, or of several."""
 
     def __init__(self, codec: _native.CanonicalCodec, max_slots: int) -> None:
         """Give every word of the codec an id, and `max_slots` slots the last ids."""
@@ -40,13 +50,40 @@ class CanonicalTokenizer:
         self.ids = {word: index for index, word in enumerate(self.words)}
         self.slots = (codec.first_slot, max_slots)
         self.hf = _word_level(self.ids)
+        self.domains = _domains(codec)
+        self.domain = 0 if len(self.domains) == 1 else None
 
     @classmethod
     def of_data(cls, data: Path, max_slots: int, layout: Literal["difference", "report"]) -> CanonicalTokenizer:
-        """The tokenizer of a data set's domain and lexicon."""
-        domain = _native.Domain.parse((data / DOMAIN).read_bytes(), file=str(data / DOMAIN))
-        lexicon = (data / LEXICON).read_text(encoding="utf-8") if (data / LEXICON).is_file() else None
-        return cls(_native.CanonicalCodec(domain, lexicon, layout=layout), max_slots)
+        """The tokenizer of the domain and lexicon of a data set, or of each of a mixture."""
+        sources = [_read(folder) for folder in data_sets(data)]
+        return cls(_native.CanonicalCodec.of_domains(sources, layout=layout), max_slots)
+
+    def of_domain(self, domain: _native.Domain) -> Self:
+        """The same tokens for texts of one of the domains.
+
+        Raises:
+            TokenizerError: there are several, and it is none of them.
+        """
+        if len(self.domains) == 1:
+            return self
+        asked = signature(domain)
+        number = next((number for number, (_, known) in enumerate(self.domains) if known == asked), None)
+        if number is None:
+            raise TokenizerError(self.not_trained_on(domain))
+        one = copy.copy(self)
+        one.domain = number
+        return one
+
+    def speaks(self, domain: _native.Domain) -> bool:
+        """Whether its texts are of a domain with the same predicates and actions."""
+        return self.domain is not None and self.domains[self.domain][1] == signature(domain)
+
+    def not_trained_on(self, domain: _native.Domain) -> str:
+        """The complaint about a domain whose words it does not have."""
+        known = ", ".join(name for name, _ in self.domains)
+        which = "not the same" if len(self.domains) == 1 else "none of theirs"
+        return f"the model was trained on `{known}`, and the predicates or actions of `{domain.name}` are {which}"
 
     @classmethod
     def load(cls, folder: str | Path) -> CanonicalTokenizer:
@@ -104,10 +141,33 @@ class CanonicalTokenizer:
         self, texts: Sequence[str], words: Sequence[Sequence[str]] | None
     ) -> tuple[list[Ids], NDArray[np.int64], list[Any]]:
         """Token ids of each text, where its prompt ends, and its legend."""
-        ids, offsets, cuts, legends = self.codec.encode_ids(texts, words)
+        if self.domain is None:
+            raise TokenizerError("texts of which of the tokenizer's domains? `of_domain` says")
+        ids, offsets, cuts, legends = self.codec.encode_ids(texts, words, domains=[self.domain] * len(texts))
         if len(ids) and int(ids.max()) >= self.vocab_size:
             raise TokenizerError(_too_many_objects(self.max_slots))
         return np.split(ids, offsets[1:-1]), cuts, legends
+
+
+def signature(domain: _native.Domain) -> Signature:
+    """What a domain must share with one that the tokenizer knows."""
+    predicates = [(name, len(types)) for name, types in domain.predicates]
+    return predicates, [(name, len(types)) for name, types in domain.actions]
+
+
+def _domains(codec: _native.CanonicalCodec) -> list[tuple[str, Signature]]:
+    """Name and signature of each domain that a codec knows."""
+    known = json.loads(codec.to_json())["domains"]
+    return [
+        (d["name"], ([(p["name"], p["arity"]) for p in d["predicates"]], [tuple(action) for action in d["actions"]]))
+        for d in known
+    ]
+
+
+def _read(folder: Path) -> tuple[_native.Domain, str | None]:
+    """A data set's domain and its lexicon, where it has one."""
+    domain = _native.Domain.parse((folder / DOMAIN).read_bytes(), file=str(folder / DOMAIN))
+    return domain, (folder / LEXICON).read_text(encoding="utf-8") if (folder / LEXICON).is_file() else None
 
 
 def _too_many_objects(max_slots: int) -> str:

@@ -247,9 +247,10 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
     solved.longer = collect(longer, problems)?;
     if let Start::Template(random) = start {
         let most = parts.templates.iter().chain([random]).map(|template| template.most_objects(&workshop.domain)).max();
-        let surplus = random.surplus_for(&workshop.domain, most.unwrap_or(0) + config.more_objects);
-        let more = Wanted { purpose: "more objects", surplus, ..suite };
-        solved.more_objects = collect(more, problems)?;
+        if let Some(surplus) = random.surplus_for(&workshop.domain, most.unwrap_or(0) + config.more_objects) {
+            let more = Wanted { purpose: "more objects", surplus, ..suite };
+            solved.more_objects = collect(more, problems)?;
+        }
     }
     Ok(solved)
 }

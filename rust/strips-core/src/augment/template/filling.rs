@@ -34,11 +34,12 @@ impl Template {
 }
 
 impl Template {
-    /// By how much the least and the most distractors must rise for every problem to have exactly `objects` objects.
-    pub fn surplus_for(&self, domain: &Domain, objects: usize) -> (usize, usize) {
+    /// By how much the least and the most distractors must rise for every problem to have exactly `objects` objects;
+    /// none where the template has no distractors, as in hanoi, where every disc has its place.
+    pub fn surplus_for(&self, domain: &Domain, objects: usize) -> Option<(usize, usize)> {
         let (least, most) = self.distractors;
         let more = objects.saturating_sub(self.most_objects(domain));
-        (most - least + more, more)
+        (!self.kinds.is_empty()).then_some((most - least + more, more))
     }
 }
 
