@@ -32,8 +32,9 @@ from strips_lm.dataset import PlanDataset, Ragged, open_split, texts
 from strips_lm.loss import weighted
 from strips_lm.model import make_model
 from strips_lm.muon import make_optimizer
-from strips_lm.objective import Objective, compute_type
+from strips_lm.objective import Objective
 from strips_lm.tokenizer import make
+from strips_lm.tuning import default
 
 VOCABULARY = 96
 
@@ -65,7 +66,8 @@ def ours(config: RunConfig, data: PlanDataset, vocabulary, seconds: float, share
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     train = config.train
     model = make_model(config.model, vocabulary, 0).to(device)
-    objective = Objective(model, compute_type(train.precision, model, device)).train()
+    choice = default(train, model, device)
+    objective = Objective(model, choice.dtype, compiled=choice.compiled).train()
     optimizer = make_optimizer(model, train)
     spread = 0.1 if device.type == "cpu" else math.inf  # as the loop has it
     plan, dress = Plan(train.step_tokens, 0, train.batch_tokens, spread), Dress(share, offset=train.position_offset)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -14,9 +15,6 @@ from strips_lm.config import ConfigError, RunConfig
 from strips_lm.evaluate.results import Results, differences
 from strips_lm.evaluate.statistics import wilson
 from strips_lm.evaluate.tally import Trial, own_choices, tally
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -129,3 +127,30 @@ def test_settings_of_results_give_the_configuration_back(tmp_path: Path) -> None
     results = made_up_results(tmp_path)
     results.config = {"seed": 4, "generate": asdict(config.generate), "evaluate": asdict(config.evaluate)}
     assert RunConfig.load(None, settings(results)) == config
+
+
+def test_a_card_carries_the_scores_of_the_last_evaluation_alone(tmp_path: Path) -> None:
+    from huggingface_hub import ModelCard
+
+    from strips_lm.checkpoint import Progress, model_card
+    from strips_lm.evaluate.card import write_cards
+
+    results = made_up_results(tmp_path)
+    for model in results.models:
+        folder = Path(model.path)
+        (folder / "config.json").write_text("{}")
+        (folder / "README.md").write_text(model_card(RunConfig.load("tiny"), Progress(), {}))
+    write_cards(results)
+    path = Path(results.models[0].path) / "README.md"
+    once = path.read_text(encoding="utf-8")
+    write_cards(results)
+    assert path.read_text(encoding="utf-8") == once
+    name = results.models[0].name
+    free = [score for score in results.scores if score.model == name and not score.oracle_helps]
+    read = ModelCard(once).data.eval_results
+    assert [(r.metric_type, r.metric_value) for r in read] == [("valid-plans", round(100 * s.share, 1)) for s in free]
+    assert all(r.dataset_name.endswith(f": {s.suite}") for r, s in zip(read, free, strict=True))
+    assert once.count("## Results") == once.count("## Limits") == once.count("A plan that it writes may be wrong") == 1
+    results.scores = [score for score in results.scores if score.model != name]
+    write_cards(results)
+    assert "valid-plans" not in path.read_text(encoding="utf-8")

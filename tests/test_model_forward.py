@@ -4,7 +4,8 @@ import pytest
 import torch
 from transformers import GPT2Config, GPT2DoubleHeadsModel, GPT2LMHeadModel
 
-from strips_lm import objective
+from strips_lm import forward, tuning
+from strips_lm.config import TrainConfig
 from strips_lm.forward import hidden_at, sinusoids
 
 
@@ -81,11 +82,35 @@ def test_sinusoids_are_those_of_the_paper():
     torch.testing.assert_close(table[:, 0], torch.arange(10.0).sin())
 
 
-@pytest.mark.parametrize(("native", "wanted"), [(True, torch.bfloat16), (False, torch.float32)])
+@pytest.mark.parametrize(("native", "wanted"), [(True, "bfloat16"), (False, "float32")])
 def test_layers_run_in_bfloat16_only_where_the_processor_has_instructions_for_it(native, wanted, monkeypatch):
-    monkeypatch.setattr(objective, "multiplies_bfloat16", lambda _device: native)
-    assert objective.compute_type("auto", gpt2(), torch.device("cpu")) == wanted
-    assert objective.compute_type("bfloat16", gpt2(), torch.device("cpu")) == torch.bfloat16
+    monkeypatch.setattr(tuning, "multiplies_bfloat16", lambda _device: native)
+    chosen = [tuning.default(TrainConfig(precision=name), gpt2(), torch.device("cpu")) for name in ("auto", "bfloat16")]
+    assert [choice.precision for choice in chosen] == [wanted, "bfloat16"]
+
+
+@pytest.mark.filterwarnings("ignore:The .grad attribute")  # dynamo looks at it on every tensor
+def test_compiled_layers_give_the_same_numbers_for_blocks_of_any_shape(monkeypatch):
+    """Traced and differentiated as `torch.compile` does, without the C++ compiler that would come last."""
+    compile_ = torch.compile
+    monkeypatch.setattr(torch, "compile", lambda side, dynamic: compile_(side, dynamic=dynamic, backend="aot_eager"))
+    forward.compiled_sides.cache_clear()
+    torch._dynamo.reset()
+    model = gpt2()
+    for rows, length in ((3, 20), (1, 7), (5, 31)):
+        ids = torch.randint(0, 40, (rows, length))
+        at = torch.arange(rows * length)
+        found = []
+        for compiled in (False, True):
+            model.zero_grad()
+            places = torch.arange(length).expand_as(ids)
+            hidden = hidden_at(model.transformer, ids, places, at, torch.float32, compiled=compiled)
+            hidden.square().sum().backward()
+            found.append([hidden, *(weight.grad for weight in model.transformer.parameters())])
+        for plain, traced in zip(*found, strict=True):
+            torch.testing.assert_close(plain, traced)
+    assert torch._dynamo.utils.counters["stats"]["unique_graphs"] <= 4, "one for each side, and for one row at most"
+    forward.compiled_sides.cache_clear()
 
 
 def test_attention_in_bfloat16_gives_bfloat16_back():

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 import torch
@@ -24,11 +25,13 @@ torch.set_num_threads(1)  # the models are so small that threads wait more than 
 KINDS = ("double-head", "lm-head", "lstm")
 
 
+SMALL = ("model.layers=2", "model.width=32", "model.context=400", "tokenizer.kind=bpe", "tokenizer.vocab_size=320")
+
+
 def config(kind="double-head", steps=12, *more):
-    small = ["model.layers=2", "model.width=32", "model.context=400", "tokenizer.kind=bpe", "tokenizer.vocab_size=320"]
     short = ["train.minutes=0", f"train.steps={steps}", "train.step_tokens=600", "train.position_offset=8"]
     heads = ["train.mc_start=0.0", "train.mc_share=0.5", "model.dropout=0.1", f"model.kind={kind}"]
-    return RunConfig.load("tiny", [*small, *short, *heads, *more])
+    return RunConfig.load("tiny", [*SMALL, *short, *heads, *more])
 
 
 @pytest.fixture(scope="module")
@@ -240,10 +243,28 @@ def test_the_end_of_the_budget_in_minutes_ends_the_run(data, tmp_path):
     assert json.loads((tmp_path / "last" / "trainer.json").read_text())["seconds"] < 4
 
 
-def test_the_trial_keeps_the_faster_number_of_threads(data, tmp_path, monkeypatch):
-    from strips_lm import threads
+def wait_until(holds, seconds=240.0):
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.1)
 
-    monkeypatch.setattr(threads, "_seconds", lambda _objective, _data, number: {1: 1.0, 2: 3.0}[number])
-    torch.set_num_threads(2)
-    train(config("lm-head", 0, "train.minutes=0.02"), data, tmp_path, shown=False)
-    assert torch.get_num_threads() == 1
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no signal to one process")
+def test_a_shell_sees_130_after_ctrl_c_and_143_after_sigterm_and_the_checkpoint_is_there(data, tmp_path):
+    settings = [*SMALL, "train.steps=1000000", "train.minutes=0", "train.step_tokens=600"]
+    environment = {**os.environ, "ACCELERATE_USE_CPU": "1", "OMP_NUM_THREADS": "1"}
+    running = {}
+    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
+        out = tmp_path / str(code)
+        command = [sys.executable, "-m", "strips_lm", "train", str(data), "--out", str(out), "--model", "lm-head"]
+        command += [f"--set={setting}" for setting in settings]
+        script = ["sh", "-c", '"$@" & echo $!; wait $!; echo $?', "sh", *command]
+        shell = subprocess.Popen(script, stdout=subprocess.PIPE, text=True, env=environment)
+        running[out, number, code] = shell
+    for (out, number, code), shell in running.items():
+        wait_until(lambda out=out: (out / "metrics.jsonl").is_file() and metrics(out))
+        os.kill(int(shell.stdout.readline()), number)
+        said, _ = shell.communicate(timeout=120)
+        assert said.split()[-1] == str(code)
+        assert json.loads((out / "last" / "trainer.json").read_text())["step"] >= metrics(out)[-1]["step"]

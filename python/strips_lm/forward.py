@@ -11,7 +11,9 @@ two CPU cores and cost nothing on a GPU:
 
 Rows are padded on the right, so that causal attention needs no mask besides the triangle. Rows of unlike length come
 as several blocks, one behind the other: attention sees a block at a time, everything else all tokens at once, and
-each block is padded to its own longest row alone. It knows nothing of losses, batches or devices. Rejected:
+each block is padded to its own longest row alone. What a layer does on either side of attention is two functions of
+(tokens, width), which `torch.compile` may take: they see one varying size, whatever the blocks are. It knows nothing of
+losses, batches or devices. Rejected:
 computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter of the
 linear work and loses as much in attention over the longer rows.
 """
@@ -19,14 +21,15 @@ linear work and loses as much in attention over the longer rows.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from torch.nn import functional as F
 from transformers.activations import ACT2FN
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from torch import Tensor
 
@@ -41,35 +44,61 @@ def hidden_at(
     dtype: torch.dtype,
     *,
     blocks: Blocks = (),
+    compiled: bool = False,
 ) -> Tensor:
     """Final hidden states (len(at), width) of the positions `at`, indices into the flattened tokens.
 
-    The tokens are (rows, length), or flat in `blocks` of such tables.
+    The tokens are (rows, length), or flat in `blocks` of such tables. `compiled` runs the layers compiled where
+    gradients are recorded.
     """
     blocks = blocks or (tuple(input_ids.shape),)
     hidden = _embed(transformer, input_ids, position_ids).to(dtype).view(input_ids.numel(), -1)
     last = len(transformer.h) - 1
+    sides = compiled_sides() if compiled and torch.is_grad_enabled() else Sides(_before, _after)
     for index, block in enumerate(transformer.h):
-        attended = _attend(block.attn, _norm(block.ln_1, hidden), blocks)
+        attended = _attend(block.attn, sides.before(block, hidden), blocks)
         if index == last:
             attended, hidden = attended[at], hidden[at]
-        hidden = hidden + _drop(_linear(block.attn.c_proj, attended), block.attn.resid_dropout)
-        hidden = hidden + _feed(block.mlp, _norm(block.ln_2, hidden))
+        hidden = sides.after(block, hidden, attended)
     return _norm(transformer.ln_f, hidden)
+
+
+class Sides(NamedTuple):
+    """A layer's two sides of attention."""
+
+    before: Callable[[Any, Tensor], Tensor]
+    """From hidden states to query, key and value, (tokens, 3 * width)."""
+    after: Callable[[Any, Tensor, Tensor], Tensor]
+    """From hidden states and what was attended to the next hidden states."""
+
+
+@cache
+def compiled_sides() -> Sides:
+    """Both sides compiled, each once for all layers and any number of tokens."""
+    return Sides(torch.compile(_before, dynamic=True), torch.compile(_after, dynamic=True))
+
+
+def _before(block: Any, hidden: Tensor) -> Tensor:
+    return _linear(block.attn.c_attn, _norm(block.ln_1, hidden))
+
+
+def _after(block: Any, hidden: Tensor, attended: Tensor) -> Tensor:
+    hidden = hidden + _drop(_linear(block.attn.c_proj, attended), block.attn.resid_dropout)
+    return hidden + _feed(block.mlp, _norm(block.ln_2, hidden))
 
 
 def _embed(transformer: Any, input_ids: Tensor, position_ids: Tensor) -> Tensor:
     return _drop(transformer.wte(input_ids) + transformer.wpe(position_ids), transformer.drop)
 
 
-def _attend(attention: Any, hidden: Tensor, blocks: Blocks) -> Tensor:
-    """Causal self-attention of (tokens, width), block by block, before the output projection."""
-    parts = _linear(attention.c_attn, hidden)
-    if hidden.device.type == "cpu" and hidden.dtype == torch.bfloat16:
+def _attend(attention: Any, parts: Tensor, blocks: Blocks) -> Tensor:
+    """Causal self-attention of (tokens, 3 * width), block by block, before the output projection."""
+    dtype = parts.dtype
+    if parts.device.type == "cpu" and dtype == torch.bfloat16:
         parts = parts.float()
     pieces = torch.split(parts, [rows * length for rows, length in blocks]) if len(blocks) > 1 else (parts,)
     mixed = [_attend_block(attention, piece, *block) for piece, block in zip(pieces, blocks, strict=True)]
-    return (torch.cat(mixed) if len(mixed) > 1 else mixed[0]).to(hidden.dtype)
+    return (torch.cat(mixed) if len(mixed) > 1 else mixed[0]).to(dtype)
 
 
 def _attend_block(attention: Any, parts: Tensor, rows: int, length: int) -> Tensor:

@@ -39,10 +39,10 @@ class Losses:
     """Pairs whose positive scored highest."""
 
 
-def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -> Losses:
+def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32, *, compiled: bool = False) -> Losses:
     """Both losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
     tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
-    hidden = _hidden(model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype)
+    hidden = _hidden(model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype, compiled)
     lm = _lm_sum(model, hidden[:tokens], batch.lm_labels)
     if pairs == 0:
         return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()))
@@ -63,10 +63,11 @@ def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float
     return losses.lm * (lm_weight / max(step_tokens, 1)) + losses.mc * (mc_weight / max(step_pairs, 1))
 
 
-def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype) -> Tensor:
+def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool) -> Tensor:
     if isinstance(model, LstmLMHeadModel):
         return model.hidden_at(batch.input_ids, at)
-    return hidden_at(model.transformer, batch.input_ids, batch.position_ids, at, dtype, blocks=batch.blocks)
+    ids, places = batch.input_ids, batch.position_ids
+    return hidden_at(model.transformer, ids, places, at, dtype, blocks=batch.blocks, compiled=compiled)
 
 
 def _lm_sum(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:

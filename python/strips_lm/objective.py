@@ -10,8 +10,6 @@ from torch import nn
 
 from strips_lm.batches import Dress, Plan, build_step
 from strips_lm.loss import Losses, batch_losses
-from strips_lm.lstm import LstmLMHeadModel
-from strips_lm.processor import multiplies_bfloat16
 
 if TYPE_CHECKING:
     from transformers import PreTrainedModel
@@ -23,14 +21,14 @@ if TYPE_CHECKING:
 class Objective(nn.Module):
     """Calls the losses through `forward`, which is where data-parallel wrappers hook in."""
 
-    def __init__(self, model: PreTrainedModel, dtype: torch.dtype) -> None:
+    def __init__(self, model: PreTrainedModel, dtype: torch.dtype, *, compiled: bool = False) -> None:
         super().__init__()
         self.model = model
-        self.dtype = dtype
+        self.dtype, self.compiled = dtype, compiled
 
     def forward(self, batch: Batch) -> Losses:
         """Both losses of a batch, summed."""
-        return batch_losses(self.model, batch, self.dtype)
+        return batch_losses(self.model, batch, self.dtype, compiled=self.compiled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +63,3 @@ def measure(objective: Objective, step: Step, device: torch.device) -> Measure:
         return Measure(lm, None, None)
     mc = sum(float(part.mc) for part in losses) / step.pairs
     return Measure(lm, mc, sum(int(part.right) for part in losses) / step.pairs)
-
-
-def compute_type(precision: str, model: PreTrainedModel, device: torch.device) -> torch.dtype:
-    """The type that layers run in: bfloat16 on request, or where the processor multiplies it natively."""
-    if isinstance(model, LstmLMHeadModel) or precision == "float32":
-        return torch.float32
-    return torch.bfloat16 if precision == "bfloat16" or multiplies_bfloat16(device) else torch.float32

@@ -27,3 +27,14 @@ def usable_cores() -> int:
     """Cores that this process may run on, at least 1; where the system does not tell, all that there are."""
     affinity = getattr(os, "sched_getaffinity", None)  # Linux alone has it before Python 3.13
     return max(1, len(affinity(0)) if affinity else os.cpu_count() or 1)
+
+
+@cache
+def processor_name() -> str:
+    """What the processor is called, as far as the system says; with the vector instructions that PyTorch uses."""
+    name = platform.processor() or platform.machine()
+    if os.path.exists("/proc/cpuinfo"):  # noqa: PTH110  (Linux says `x86_64` otherwise)
+        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:  # noqa: PTH123
+            found = [line.partition(":")[2].strip() for line in file if line.startswith("model name")]
+        name = found[0] if found else name
+    return f"{name} {torch.backends.cpu.get_cpu_capability()}"

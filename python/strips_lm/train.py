@@ -26,10 +26,10 @@ from strips_lm.folders import data_sets
 from strips_lm.loss import weighted
 from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
-from strips_lm.objective import Objective, compute_type, measure, validation_step
+from strips_lm.objective import Objective, measure, validation_step
 from strips_lm.own_negatives import with_negatives
-from strips_lm.threads import choose_threads
-from strips_lm.watch import Clock, Signals, Watch
+from strips_lm.tuning import Choice, default, load_choice, save_choice, tuned
+from strips_lm.watch import Clock, Signals, Watch, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from strips_lm.config import RunConfig, TrainConfig
     from strips_lm.dataset import PlanDataset
     from strips_lm.tokenizer import PlanTokenizer
+    from strips_lm.tuning import Tell
 
 LOG_EVERY = 10
 """Steps between two lines of `metrics.jsonl`."""
@@ -81,7 +82,7 @@ def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool
         DataSetError, TokenizerError, ModelError, CheckpointError: what was given cannot be trained or resumed.
         NotFiniteError: the loss is no longer a number; `last` is of before that step, and its weights are numbers.
     """
-    run = _prepare(config, Path(data), Path(out), resumed)
+    run = _prepare(config, Path(data), Path(out), resumed, shown)
     shown = shown and run.accelerator.is_main_process
     with Signals() as signals, _watch(run, Path(out), shown, resumed) as watch:
         number = _loop(run, watch, signals)
@@ -288,7 +289,7 @@ def _watch(run: Run, out: Path, shown: bool, resumed: bool) -> Watch:
     return Watch(out / name, shown, resumed, accelerator if trackers else None)
 
 
-def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
+def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: bool) -> Run:
     """Opens the data, makes or resumes the model, and writes `run.toml`."""
     accelerator = _accelerator(config.train.trackers, out)
     out.mkdir(parents=True, exist_ok=True)
@@ -298,12 +299,14 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
     model = make_model(config.model, tokenizer, config.seed)
     optimizer = make_optimizer(model, config.train)
     progress = resume(last_checkpoint(out), model, optimizer) if resumed else Progress()
-    objective = Objective(model, compute_type(config.train.precision, model, accelerator.device))
-    objective.train()
-    if config.train.autotune and not config.train.steps and accelerator.device.type == "cpu":
-        choose_threads(objective, training)
+    objective = Objective(model.to(accelerator.device), torch.float32).train()
+    tell = say if shown and accelerator.is_main_process else lambda _: None
+    choice = load_choice(out) if resumed else None
+    choice = choice or _choose(config, objective, training, accelerator, tell)
+    choice.apply(objective)
     prepared, optimizer = accelerator.prepare(objective, optimizer)
     config.save(out / "run.toml")
+    save_choice(out, choice)
     about = {"domains": _domains(data), "records": len(training), "records too long, left out": training.left_out}
     records = min(config.train.validation_records, len(validation))
     held = validation_step(validation, records, config.train.batch_tokens, config.model.kind == "double-head")
@@ -319,6 +322,16 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool) -> Run:
         progress,
         Clock(progress.seconds),
     )
+
+
+def _choose(config: RunConfig, objective: Objective, data: PlanDataset, accelerator: Accelerator, tell: Tell) -> Choice:
+    """How the layers run: as a trial finds where one is asked for, else as the configuration says; alike everywhere."""
+    train, device = config.train, accelerator.device
+    tried = train.autotune is True or (train.autotune == "auto" and not train.steps)
+    agreed = [tuned(config, objective, data, device, tell) if tried else default(train, objective.model, device)]
+    if accelerator.num_processes > 1:
+        broadcast_object_list(agreed)
+    return agreed[0]
 
 
 def _domains(data: Path) -> str:

@@ -43,6 +43,11 @@ class Signals(AbstractContextManager["Signals"]):
         self.received = number
 
 
+def say(line: str) -> None:
+    """Writes a line that stays, on standard error."""
+    sys.stderr.write(f"{line}\n")
+
+
 class Clock:
     """Seconds trained, over all the runs that a resumed run is made of."""
 

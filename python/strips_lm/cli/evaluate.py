@@ -53,6 +53,10 @@ def _evaluate(
         from strips_lm.evaluate.evaluation import evaluate  # noqa: PLC0415
 
         results = evaluate(config, data, models, tell, tick)
+        if config.evaluate.card:
+            from strips_lm.evaluate.card import write_cards  # noqa: PLC0415
+
+            write_cards(results)
     if args.json:
         results.save(args.json)
     return results

@@ -1,7 +1,8 @@
 """Train a model on a data set: `best` and `last` checkpoints, `metrics.jsonl` and `run.toml` go to `--out`.
 
 Without `--preset`, `tiny` is trained (`lstm` for `--model lstm`). `--resume` goes on from `last` with the settings of
-the run's own `run.toml`. Ctrl-C and SIGTERM write a checkpoint first. Exit 1 where the loss is no longer a number.
+the run's own `run.toml`. Ctrl-C and SIGTERM write a checkpoint first (exit 130 and 143). Exit 1 where the loss is no
+longer a number.
 """
 
 from __future__ import annotations

@@ -72,11 +72,14 @@ def coerce(wanted: Any, value: Any, where: str) -> Any:
 
 
 def _choice(choices: tuple[Any, ...], value: Any, where: str) -> Any:
-    if value in choices:
+    if any(value == choice and type(value) is type(choice) for choice in choices):
         return value
-    raise ConfigError(
-        f"`{where}` takes {' or '.join(map(str, choices))}, not {value!r}{suggestion(str(value), choices)}"
-    )
+    raise ConfigError(f"`{where}` takes {_either(choices)}, not {value!r}{suggestion(str(value), map(str, choices))}")
+
+
+def _either(choices: tuple[Any, ...]) -> str:
+    """The choices as TOML has them."""
+    return " or ".join(_value(choice) if isinstance(choice, bool) else str(choice) for choice in choices)
 
 
 def describe(wanted: Any) -> str:
@@ -84,7 +87,7 @@ def describe(wanted: Any) -> str:
     origin, arguments = get_origin(wanted), get_args(wanted)
     names = {bool: "true or false", int: "a whole number", float: "a number", str: "a string"}
     if origin is Literal:
-        return " or ".join(map(str, arguments))
+        return _either(arguments)
     if origin in (types.UnionType, Union):
         return f"{describe(arguments[0])} or none"
     if origin is tuple:

@@ -223,10 +223,13 @@ class TrainConfig:
     """`canonical`: share of the records with random increasing slot numbers, so that more objects than the training's
     are no news."""
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
-    """Type that the layers run in; `auto` is bfloat16 where the processor has instructions for it."""
-    autotune: bool = True
-    """Whether a short trial chooses the number of threads on a CPU. Not where `steps` is given: such a run is to be
-    repeatable bit for bit, and sums depend on the threads."""
+    """Type that the layers run in; `auto` is what the trial finds faster, or without one bfloat16 where the processor
+    has instructions for it."""
+    compile: Literal["auto", "always", "never"] = "auto"
+    """Whether `torch.compile` makes the layers' dense parts; `auto` where a trial finds that it pays within the run."""
+    autotune: Literal["auto", True, False] = "auto"
+    """Whether a short trial chooses what is `auto` above, and the number of threads on a CPU. `auto` is where a run is
+    measured in minutes alone: one of so many `steps` is to be repeatable bit for bit, and sums depend on all three."""
     evaluate_every: float = 0.1
     """Share of the run between two measurements on the validation split; the best checkpoint has the lowest."""
     validation_records: int = 1000
@@ -317,6 +320,8 @@ class EvaluateConfig:
     """Pairs a suite for perplexity and multiple choice; 0 is all of them."""
     examples: int = 3
     """Outputs a suite that are kept in the results."""
+    card: bool = False
+    """Whether the scores are written into the card of each checkpoint, also as metadata that hubs read."""
     renamed_problems: int = 0
     """Problems a suite that are asked again under other names, greedily, to see whether the plan stays the same."""
     renamings: int = 100
