@@ -268,3 +268,10 @@ def test_a_shell_sees_130_after_ctrl_c_and_143_after_sigterm_and_the_checkpoint_
         said, _ = shell.communicate(timeout=120)
         assert said.split()[-1] == str(code)
         assert json.loads((out / "last" / "trainer.json").read_text())["step"] >= metrics(out)[-1]["step"]
+
+
+def test_a_folder_without_a_data_set_is_named_with_what_makes_one(tmp_path, cli):
+    result = cli("train", tmp_path / "nowhere", "--out", tmp_path / "run")
+    assert result.code == 2
+    assert "nowhere: no data set here\nhint: strips-lm gen-data --out" in result.err
+    assert not (tmp_path / "run").exists()

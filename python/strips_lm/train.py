@@ -21,7 +21,7 @@ from strips_lm import tokenizer as tokenizers
 from strips_lm._native import Domain
 from strips_lm.batches import Dress, Plan, build_step, walk
 from strips_lm.checkpoint import Keeper, Progress, last_checkpoint, resume
-from strips_lm.dataset import entropy_floor, open_data, texts
+from strips_lm.dataset import DataSetError, entropy_floor, open_data, texts
 from strips_lm.folders import data_sets
 from strips_lm.loss import weighted
 from strips_lm.model import ModelError, make_model
@@ -291,6 +291,9 @@ def _watch(run: Run, out: Path, shown: bool, resumed: bool) -> Watch:
 
 def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: bool) -> Run:
     """Opens the data, makes or resumes the model, and writes `run.toml`."""
+    for folder in data_sets(data):
+        if not (folder / "data").is_dir():
+            raise DataSetError(f"{folder}: no data set here\nhint: strips-lm gen-data --out {folder}")
     accelerator = _accelerator(config.train.trackers, out)
     out.mkdir(parents=True, exist_ok=True)
     tokenizer = _tokenizer(config, data, out, resumed)
