@@ -154,6 +154,7 @@ def test_one_model_is_scored_on_every_domain(run: Path, data: Path, tmp_path: Pa
         if score["decode"] == "masked":
             assert score["valid"] == score["prompts"] - score["unfinished"]
             assert not score["malformed"]
+    assert all(len(example["outputs"]) == len(["greedy", "masked"]) for example in results["examples"])
     assert found.out.count("│ hanoi ") >= 2
     assert cli("evaluate", "--reproduce", tmp_path / "results.json").code == 0
     assert cli("report", tmp_path / "results.json", "--out", tmp_path / "report.html").code == 0

@@ -50,15 +50,12 @@ def evaluate(
         return Evaluation(config, folders[0], tell, tick).run(models)
     if config.evaluate.problems:
         raise ConfigError("`--problems` are of one domain\nhint: `--data` with that domain's folder of the mixture")
-    whole: Results | None = None
+    whole = Results(data=str(data), config=_settings(config), created=_now(), versions=versions())
     for folder, part in zip(folders, _parts(config, folders), strict=True):
         tell(f"{folder.path.name}:")
         found = Evaluation(part, folder, tell, tick).run(models)
         found.prefix_suites(folder.path.name)
-        whole = found if whole is None else whole
         whole.join(found)
-    assert whole is not None
-    whole.data, whole.config = str(data), _settings(config)
     return whole
 
 
