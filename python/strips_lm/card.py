@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from strips_lm._native import __version__
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from strips_lm.config import RunConfig
 
 ABOUT = {
@@ -30,17 +32,7 @@ def dataset_card(config: RunConfig, splits: list[tuple[str, int]]) -> str:
     """The card, with the table of files that `datasets.load_dataset` reads."""
     data = config.data
     rows = "\n".join(f"| `{split.replace('-', '_')}` | {records:,} | {ABOUT[split]} |" for split, records in splits)
-    return f"""---
-pretty_name: "strips-lm: {data.domain}"
-license: cc0-1.0
-language: [en]
-task_categories: [text-generation]
-tags: [planning, pddl, strips, synthetic]
-configs:
-- config_name: default
-  data_files:
-{_files(splits, data.format)}
----
+    return f"""{_front_matter(data.domain, [split for split, _ in splits], f"data/*.{data.format}")}
 
 # Plans with proof: {data.domain}
 
@@ -60,9 +52,22 @@ gives the same bytes. `manifest.json` has the SHA-256 of every file.
 """
 
 
-def _files(splits: list[tuple[str, int]], extension: str) -> str:
-    names = (split.replace("-", "_") for split, _ in splits)
-    return "\n".join(f"  - split: {name}\n    path: data/{name}-*.{extension}" for name in names)
+def _front_matter(domains: str, splits: Sequence[str], paths: str) -> str:
+    """What hubs and `datasets` read; the `*` before the extension in `paths` becomes each split's own."""
+    names = [split.replace("-", "_") for split in splits]
+    start, _, extension = paths.rpartition("*")
+    files = "\n".join(f"  - split: {name}\n    path: {start}{name}-*{extension}" for name in names)
+    return f"""---
+pretty_name: "strips-lm: {domains}"
+license: cc0-1.0
+language: [en]
+task_categories: [text-generation]
+tags: [planning, pddl, strips, synthetic]
+configs:
+- config_name: default
+  data_files:
+{files}
+---"""
 
 
 def mixture_card(config: RunConfig, splits: dict[str, dict[str, int]]) -> str:
@@ -72,19 +77,7 @@ def mixture_card(config: RunConfig, splits: dict[str, dict[str, int]]) -> str:
         f"| `{domain}` | {' | '.join(f'{found[name]:,}' if name in found else '–' for name in names)} |"
         for domain, found in splits.items()
     )
-    plain = [name.replace("-", "_") for name in names]
-    paths = "\n".join(f"  - split: {name}\n    path: '*/data/{name}-*.{config.data.format}'" for name in plain)
-    return f"""---
-pretty_name: "strips-lm: {", ".join(splits)}"
-license: cc0-1.0
-language: [en]
-task_categories: [text-generation]
-tags: [planning, pddl, strips, synthetic]
-configs:
-- config_name: default
-  data_files:
-{paths}
----
+    return f"""{_front_matter(", ".join(splits), names, f"'*/data/*.{config.data.format}'")}
 
 # Plans with proof: {len(splits)} domains
 
@@ -92,7 +85,7 @@ A data set of each domain, in a folder of its own, generated and proven by strip
 the state after each step, and wrong completions. Each folder has a card, its files' hashes and all that made it;
 `datasets.load_dataset` reads this folder, with the records of all domains, or one of those.
 
-| domain | {" | ".join(f"`{name}`" for name in plain)} |
+| domain | {" | ".join(f"`{name.replace('-', '_')}`" for name in names)} |
 |---|{"---|" * len(names)}
 {chr(10).join(rows)}
 
