@@ -47,12 +47,7 @@ def show(what: str, figure: float, target: float, unit: str, *, less: bool = Fal
 
 def best(work: Callable[[], Any], repeat: int = REPEAT) -> tuple[Any, float]:
     """What it gives and the seconds of its fastest run."""
-    seconds = []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        result = work()
-        seconds.append(time.perf_counter() - start)
-    return result, min(seconds)
+    return validate_peers.measured(work, repeat, time.perf_counter)
 
 
 def task_of(folder: Path) -> Task:

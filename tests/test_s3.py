@@ -17,20 +17,13 @@ import pytest
 
 from strips_lm import remote
 from strips_lm.cli import main
+from test_storage import SMALL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-SMALL = [
-    "--pairs=400",
-    "--seed=3",
-    "--set=data.suite_records=0",
-    "--set=data.problems_per_template=4",
-    "--set=data.random_problems=20",
-    "--set=data.states_per_start=100",
-    "--set=data.shard_records=20",
-]
+MORE = [*SMALL, "--pairs=400"]
 REASON = "no S3: uv run --with 'moto[s3,server]' --with s3fs pytest tests/test_s3.py"
 KILLS = 10
 
@@ -60,7 +53,7 @@ def s3() -> Iterator[Any]:
 def local(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """The data set as a local folder has it."""
     out = tmp_path_factory.mktemp("local") / "set"
-    assert main(["gen-data", f"--out={out}", *SMALL]) == 0
+    assert main(["gen-data", f"--out={out}", *MORE]) == 0
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*") if path.is_file()}
 
 
@@ -71,12 +64,12 @@ def contents(s3: Any, root: str) -> dict[str, bytes]:
 
 
 def test_a_bucket_gets_the_bytes_of_a_local_folder(s3: Any, local: dict[str, bytes]) -> None:
-    assert main(["gen-data", "--out=s3://plans/whole", *SMALL]) == 0
+    assert main(["gen-data", "--out=s3://plans/whole", *MORE]) == 0
     assert contents(s3, "plans/whole") == local
 
 
 def test_a_bucket_that_is_not_there_is_told_and_not_made(s3: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["gen-data", "--out=s3://nosuch/set", *SMALL]) == 2
+    assert main(["gen-data", "--out=s3://nosuch/set", *MORE]) == 2
     message = capsys.readouterr().err
     assert message.startswith("error: s3://nosuch/set")
     assert "Traceback" not in message
@@ -88,7 +81,7 @@ def test_killed_writers_leave_whole_objects_and_the_last_one_the_same_bytes(
 ) -> None:
     patient = "from strips_lm import remote; remote.BEAT, remote.PATIENCE = 0.1, 0.5"
     code = f"{patient}; import sys; from strips_lm.cli import main; sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-c", code, "gen-data", "--out=s3://plans/killed", *SMALL]
+    command = [sys.executable, "-c", code, "gen-data", "--out=s3://plans/killed", *MORE]
     draw, killed, seconds = random.Random(7), 0, 5.0
     while killed < KILLS:
         with (tmp_path / "log").open("ab") as log:
@@ -107,5 +100,5 @@ def test_killed_writers_leave_whole_objects_and_the_last_one_the_same_bytes(
         if "manifest.json" in found:  # work to be killed in
             s3.rm("plans/killed", recursive=True)
     monkeypatch.setattr(remote, "PATIENCE", 1.0)
-    assert main(["gen-data", "--out=s3://plans/killed", *SMALL]) == 0
+    assert main(["gen-data", "--out=s3://plans/killed", *MORE]) == 0
     assert contents(s3, "plans/killed") == local
