@@ -214,3 +214,12 @@ def test_readme_shows_the_two_commands():
     assert "python3 -m pip install uv && uv run strips-lm quickstart" in readme
     assert "python3 -m pip install uv && uv run pytest" in readme
     assert os.access(Path(__file__).parents[1] / ".ci" / "run", os.X_OK)
+
+
+def test_an_unknown_field_is_named_with_the_file_it_stands_in(cli, tmp_path):
+    preset = tmp_path / "mine.toml"
+    preset.write_text("[train]\nstep = 3\n")
+    result = cli("train", tmp_path, "--out", tmp_path / "run", "--preset", preset)
+    assert result.code == 2
+    assert f"{preset}: no field `train.step`\nhint: did you mean `steps`?" in result.err
+    assert "mine.toml" not in cli("train", tmp_path, "--out", tmp_path / "run", "--set", "train.step=3").err

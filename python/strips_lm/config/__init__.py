@@ -79,7 +79,9 @@ class RunConfig:
             ConfigError: no such preset, or a key or value that is not accepted.
             OSError: the file cannot be read.
         """
-        table = _read(preset) if preset is not None else {}
+        table = {} if preset is None else _read(preset)
+        if str(preset).endswith(".toml"):
+            cls._of_file(table, str(preset))  # so that its own mistakes are not taken for those of overrides
         for override in overrides:
             _set(table, override)
         return cls.from_dict(table)
@@ -91,7 +93,14 @@ class RunConfig:
         Raises:
             ConfigError: it is not TOML, or a key or value is not accepted.
         """
-        return cls.from_dict(_parse(text, name))
+        return cls._of_file(_parse(text, name), name)
+
+    @classmethod
+    def _of_file(cls, table: dict[str, Any], name: str) -> RunConfig:
+        try:
+            return cls.from_dict(table)
+        except ConfigError as error:
+            raise ConfigError(f"{name}: {error}") from None
 
     @classmethod
     def from_dict(cls, table: dict[str, Any]) -> RunConfig:
