@@ -2,8 +2,8 @@
 
     python fuzz/seeds.py && cargo +nightly fuzz run whole -- -max_total_time=600 -dict=fuzz/pddl.dict
 
-Every domain and problem of `tests/data/` and of the built-in domains, right or wrong, is an input of its target; `whole` gets
-both with a plan, a zero byte between, as its target splits them.
+Every domain and problem of `tests/data/` and of the built-in domains, right or wrong, is an input of its target;
+`whole` gets both with a plan, a zero byte between, as its target splits them.
 """
 
 from __future__ import annotations

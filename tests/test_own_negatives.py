@@ -42,6 +42,19 @@ def test_only_the_files_records_get_other_negatives(tmp_path: Path) -> None:
     assert set(pq.read_table(tmp_path / "own.parquet")["negative_kind"].to_pylist()) == {"model-sample"}
 
 
+def test_a_share_leaves_others_out(tmp_path: Path) -> None:
+    folder = write_blocks(tmp_path / "data", train=20, validation=4)
+    tokenizer = BpeTokenizer.train(list(texts(folder)), 300)
+    data = open_split(folder, "train", tokenizer, 512)
+    rows = rows_of(folder, 3)
+    write(tmp_path / "own.parquet", rows)
+    own = {row.index for row in rows}
+    for share, total in ((1.0, 3), (0.5, 6), (0.3, 10), (0.01, len(data))):
+        kept = with_negatives(data, tmp_path / "own.parquet", tokenizer, 512, share=share, seed=1).kept
+        assert own <= set(data.index[kept].tolist())
+        assert len(kept) == len(set(kept.tolist())) == total
+
+
 def test_another_prompt_or_no_record_is_refused(tmp_path: Path) -> None:
     folder = write_blocks(tmp_path / "data", train=20, validation=4)
     tokenizer = BpeTokenizer.train(list(texts(folder)), 300)

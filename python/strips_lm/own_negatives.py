@@ -18,7 +18,9 @@ import pyarrow.parquet as pq
 from strips_lm.dataset import Chain, DataSetError, PlanDataset, Ragged
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
+
+    from numpy.typing import NDArray
 
     from strips_lm.tokenizer import PlanTokenizer
 
@@ -45,10 +47,13 @@ def write(path: Path, rows: Sequence[OwnNegative]) -> None:
     part.replace(path)
 
 
-def with_negatives(data: PlanDataset, path: str | Path, tokenizer: PlanTokenizer, longest: int) -> PlanDataset:
+def with_negatives(
+    data: PlanDataset, path: str | Path, tokenizer: PlanTokenizer, longest: int, *, share: float = 0.0, seed: int = 0
+) -> PlanDataset:
     """The split with the file's negatives in place of their records' own; a pair is at most `longest` tokens.
 
-    A negative that is too long, or whose record is left out, changes nothing.
+    A negative that is too long, or whose record is left out, changes nothing. With a `share`, records without a
+    negative of the file are left out by chance (`seed`) until those with one are that share of all.
 
     Raises:
         DataSetError: there is no such file, no record of it is in the split, or one has another prompt there; or the
@@ -72,7 +77,16 @@ def with_negatives(data: PlanDataset, path: str | Path, tokenizer: PlanTokenizer
         found[place] = negative
     if not found:
         raise DataSetError(f"{path}: none of its negatives belongs to a record that can be trained on")
-    return replace(data, negatives=_put(data.negatives, found))
+    kept_now = _thinned(data.kept, found, share, seed) if share else data.kept
+    return replace(data, negatives=_put(data.negatives, found), kept=kept_now)
+
+
+def _thinned(kept: NDArray[np.int64], found: Collection[int], share: float, seed: int) -> NDArray[np.int64]:
+    """All records that were found, and as many of the others that the former are the `share` of them."""
+    own = np.isin(kept, np.fromiter(found, dtype=np.int64))
+    others = min(round(len(found) * (1.0 - share) / share), int((~own).sum()))
+    picked = np.random.default_rng((seed, 2)).choice(kept[~own], others, replace=False)
+    return np.sort(np.concatenate((kept[own], picked)))
 
 
 def _put(old: Ragged | Chain, new: dict[int, np.ndarray]) -> Ragged:

@@ -364,6 +364,7 @@ def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[Plan
     """The training and the validation split."""
     context, room = config.model.context, config.train.position_offset
     training = open_data(data, "train", tokenizer, context, room)
-    if config.train.own_negatives:
-        training = with_negatives(training, config.train.own_negatives, tokenizer, context - room)
+    own, share = config.train.own_negatives, config.train.own_share
+    if own:
+        training = with_negatives(training, own, tokenizer, context - room, share=share, seed=config.seed)
     return training, open_data(data, "validation", tokenizer, context)

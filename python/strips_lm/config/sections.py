@@ -215,6 +215,8 @@ class TrainConfig:
     """Share of the run after which negatives come along."""
     own_negatives: str = ""
     """A model's own wrong samples, written by `strips-lm sample-negatives`, in place of their records' negatives."""
+    own_share: float = 0.0
+    """Share that the records of that file get of all that are trained on, by leaving others out; 0 leaves none out."""
     position_offset: int = 0
     """Some records start at a random position of 0 to this, so that plans longer than the training's are no news."""
     offset_share: float = 0.3
@@ -244,7 +246,7 @@ class TrainConfig:
         check(min(self.step_tokens, self.batch_tokens) > 0, "`train.step_tokens` and `train.batch_tokens` are positive")
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
-        for share in ("mc_share", "offset_share", "renumber_share"):
+        for share in ("mc_share", "own_share", "offset_share", "renumber_share"):
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 
 
