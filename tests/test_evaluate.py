@@ -77,12 +77,15 @@ def test_what_is_counted() -> None:
         judgement("syntax", None, steps=0, executable_steps=0, states_total=0, states_right=0),
         judgement("valid"),
     ]
-    score = tally(trial([True, True, True, True, False], [3, 2, 3, 5, 3]), judgements)
+    tried = trial([True, True, True, True, False], [3, 2, 3, 5, 3])
+    score = tally(replace(tried, templates=["tea", "random", "tea", "tea", "random"]), judgements)
     assert (score.prompts, score.valid, score.optimal, score.surplus_mean) == (5, 2, 1, 0.5)
     assert (score.unfinished, score.malformed, score.traces_right) == (1, 1, 1)
     assert score.verdicts == {"valid": 2, "inapplicable": 1, "syntax": 1, "unfinished": 1}
     assert score.failed_at == {"2": 1, "-": 2}
     assert score.by_length == {"2": [1, 1], "3": [1, 3], "5": [0, 1]}
+    assert score.by_template == {"random": [1, 2], "tea": [1, 3]}
+    assert tally(tried, judgements).by_template == {}
     assert (score.states, score.states_right, score.tokens_per_second) == (12, 11, 50.0)
 
 

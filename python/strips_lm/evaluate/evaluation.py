@@ -187,6 +187,7 @@ class Evaluation:
             texts=texts,
             finished=[c.finished for c in made.completions],
             optimal_steps=[item.optimal_steps for item in suite.items],
+            templates=[item.template for item in suite.items],
             tokens=made.tokens,
             seconds=made.seconds,
             verify_seconds=time.perf_counter() - started,

@@ -79,6 +79,8 @@ class Score:
     """With `generate.fallback`: prompts that the oracle's own search answered, the model having come to no plan."""
     optimum_known: int | None = None
     """Valid plans whose problem's shortest plan is known; none where that is all of them."""
+    by_template: dict[str, list[int]] = field(default_factory=dict)
+    """[valid, prompts] by the template of the problem, `random` for random ones; empty for problems of your own."""
 
     @property
     def comparable(self) -> int:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     *("prompt", "completion", "negative", "negative_kind", "plan", "problem_id"),
-    *("names", "words", "optimal_steps", "plan_count", "index"),
+    *("names", "words", "optimal_steps", "plan_count", "index", "template"),
 )
 
 
@@ -43,6 +43,8 @@ class Item:
     plan_count: int
     index: int = -1
     """The record's index in the data set; -1 for what is no record."""
+    template: str = ""
+    """The template of its problem, `random` for a random one; empty for what is no record."""
 
 
 class DataFolder:

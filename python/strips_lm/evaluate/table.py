@@ -17,6 +17,9 @@ _T = TypeVar("_T")
 
 SPEEDS = ("prompts/s", "tokens/s")
 
+RANDOM = "random"
+"""What the records of random problems have for a template."""
+
 
 def percent(part: float, whole: float) -> str:
     """A share in per cent with one decimal, or a dash of nothing."""
@@ -105,7 +108,8 @@ def failures(results: Results) -> Table:
 
 def tables(results: Results) -> list[Table]:
     """Everything that was found, Table 1 last; no table is empty."""
-    rest = [failures(results), likelihoods(results), invariances(results), gaps(results), summary(results)]
+    rest = [failures(results), likelihoods(results), invariances(results), gaps(results), kinds(results)]
+    rest.append(summary(results))
     return [table for table in rest if table.row_count]
 
 
@@ -117,6 +121,21 @@ def invariances(results: Results) -> Table:
     for k in results.invariances:
         shares = percent(k.same, k.renamed), percent(k.always, k.problems)
         table.add_row(k.model, k.suite, str(k.problems), str(k.renamed), *shares)
+    return table
+
+
+def kinds(results: Results) -> Table:
+    """The share of valid plans on the templates' problems and on random ones, where a suite has both."""
+    caption = "a suite mixes templates' problems with random ones; a template's are all alike but for names and positions"
+    table = Table(title="By kind of problem", caption=caption)
+    for name in ("model", "suite", "decode", "templates %", "of", "random %", "of"):
+        table.add_column(name, justify="right" if name[-1] in "%f" else "left", no_wrap=True)
+    for s in results.scores:
+        drawn = s.by_template.get(RANDOM)
+        told = [sum(counts) for counts in zip(*(c for t, c in s.by_template.items() if t != RANDOM), strict=True)]
+        if drawn and told:
+            cells = [percent(*told), str(told[1]), percent(*drawn), str(drawn[1])]
+            table.add_row(s.model, s.suite, s.decode, *cells)
     return table
 
 

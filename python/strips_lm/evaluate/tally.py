@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from strips_lm.evaluate.results import Score
 from strips_lm.evaluate.statistics import mean, wilson
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from strips_lm._native import Judgement
+
+_K = TypeVar("_K", int, str)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +30,8 @@ class Trial:
     finished: Sequence[bool]
     optimal_steps: Sequence[int]
     """Of the shortest plans; below 0 where that is not known."""
+    templates: Sequence[str] = ()
+    """Of the prompts' problems, where they have any."""
     tokens: int
     seconds: float
     verify_seconds: float
@@ -71,6 +75,7 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
         removed_share=trial.removed_share,
         by_oracle=trial.by_oracle,
         optimum_known=None if len(surplus) == sum(right) else len(surplus),
+        by_template=dict(sorted(_shares(trial.templates, right).items())) if any(trial.templates) else {},
     )
 
 
@@ -95,12 +100,18 @@ def _failed_at(judgements: Sequence[Judgement], right: Sequence[bool]) -> dict[s
 
 
 def _by_length(lengths: Sequence[int], right: Sequence[bool]) -> dict[str, list[int]]:
-    found: dict[int, list[int]] = {}
-    for length, ok in zip(lengths, right, strict=True):
-        counts = found.setdefault(length, [0, 0])
+    found = _shares(lengths, right)
+    return {str(length) if length >= 0 else "?": found[length] for length in sorted(found)}
+
+
+def _shares(keys: Sequence[_K], right: Sequence[bool]) -> dict[_K, list[int]]:
+    """[right, all] of each key."""
+    found: dict[_K, list[int]] = {}
+    for key, ok in zip(keys, right, strict=True):
+        counts = found.setdefault(key, [0, 0])
         counts[0] += ok
         counts[1] += 1
-    return {str(length) if length >= 0 else "?": found[length] for length in sorted(found)}
+    return found
 
 
 def own_choices(prompts: Sequence[int], right: Sequence[bool], scores: Sequence[float]) -> list[int]:
