@@ -20,8 +20,8 @@ pub struct Structure {
 impl Structure {
     /// The same words for every structure isomorphic to this one, and for no other.
     pub fn canonical_form(&self) -> Vec<u32> {
-        let mut best = None;
-        self.search(&self.refine(self.initial_colours()), &mut best);
+        let (occurrences, mut best) = (Occurrences::new(self), None);
+        self.search(&occurrences, &occurrences.refine(self.initial_colours()), &mut best);
         let mut form = best.expect("the search reaches a leaf");
         let mut colours = self.colours.clone();
         colours.sort_unstable();
@@ -32,38 +32,10 @@ impl Structure {
 
     /// Colours as ranks 0, 1, …, in the order of the given ones.
     fn initial_colours(&self) -> Vec<u32> {
-        ranks(&self.colours.iter().map(|&colour| vec![colour]).collect::<Vec<_>>())
+        ranks(self.colours.len(), |object| &self.colours[object..=object])
     }
 
-    /// Splits colours by what tuples an object stands in, at which place and beside which colours, until none splits.
-    fn refine(&self, mut colours: Vec<u32>) -> Vec<u32> {
-        loop {
-            let next = ranks(&self.signatures(&colours));
-            if count(&next) == count(&colours) {
-                return next;
-            }
-            colours = next;
-        }
-    }
-
-    /// For each object its colour, then its occurrences, sorted.
-    fn signatures(&self, colours: &[u32]) -> Vec<Vec<u32>> {
-        let mut occurrences: Vec<Vec<Vec<u32>>> = vec![Vec::new(); colours.len()];
-        for (label, objects) in &self.tuples {
-            for (place, &object) in objects.iter().enumerate() {
-                let head = [*label, place as u32, objects.len() as u32];
-                let beside = objects.iter().map(|&other| colours[other as usize]);
-                occurrences[object as usize].push(head.into_iter().chain(beside).collect());
-            }
-        }
-        let signature = |(object, mut found): (usize, Vec<Vec<u32>>)| {
-            found.sort_unstable();
-            std::iter::once(colours[object]).chain(found.into_iter().flatten()).collect()
-        };
-        occurrences.into_iter().enumerate().map(signature).collect()
-    }
-
-    fn search(&self, colours: &[u32], best: &mut Option<Vec<u32>>) {
+    fn search(&self, occurrences: &Occurrences, colours: &[u32], best: &mut Option<Vec<u32>>) {
         let Some(cell) = first_smallest_shared(colours) else {
             let leaf = self.encode(colours);
             if best.as_ref().is_none_or(|known| leaf < *known) {
@@ -75,7 +47,7 @@ impl Structure {
         for &object in &cell {
             if !tried.iter().any(|&other| self.exchangeable(object, other)) {
                 tried.push(object);
-                self.search(&self.refine(single_out(colours, object)), best);
+                self.search(occurrences, &occurrences.refine(single_out(colours, object)), best);
             }
         }
     }
@@ -109,6 +81,90 @@ impl Structure {
     }
 }
 
+/// Each place of each tuple, by the object that stands there.
+struct Occurrences<'s> {
+    /// Position of the tuple, and place in it.
+    places: Vec<(u32, u32)>,
+    /// Where each object's places begin, and where the last ones end.
+    starts: Vec<usize>,
+    tuples: &'s [(u32, Vec<u32>)],
+}
+
+impl<'s> Occurrences<'s> {
+    fn new(structure: &'s Structure) -> Self {
+        let tuples = &structure.tuples[..];
+        let mut starts = vec![0; structure.colours.len() + 1];
+        tuples.iter().flat_map(|(_, objects)| objects).for_each(|&object| starts[object as usize + 1] += 1);
+        (1..starts.len()).for_each(|object| starts[object] += starts[object - 1]);
+        let (mut next, mut places) = (starts.clone(), vec![(0, 0); starts[starts.len() - 1]]);
+        for (number, (_, objects)) in tuples.iter().enumerate() {
+            for (place, &object) in objects.iter().enumerate() {
+                places[next[object as usize]] = (number as u32, place as u32);
+                next[object as usize] += 1;
+            }
+        }
+        Self { places, starts, tuples }
+    }
+
+    /// Splits colours by what tuples an object stands in, at which place and beside which colours, until none splits.
+    fn refine(&self, mut colours: Vec<u32>) -> Vec<u32> {
+        let mut signatures = Signatures::default();
+        loop {
+            signatures.write(self, &colours);
+            let next = ranks(colours.len(), |object| signatures.of(object));
+            if count(&next) == count(&colours) {
+                return next;
+            }
+            colours = next;
+        }
+    }
+}
+
+/// For each object its colour, then its occurrences, sorted. Holds its room from one round to the next.
+#[derive(Default)]
+struct Signatures {
+    words: Vec<u32>,
+    /// Where each object's words end.
+    ends: Vec<usize>,
+    /// One object's occurrences before they are sorted, and where each lies.
+    loose: Vec<u32>,
+    parts: Vec<std::ops::Range<usize>>,
+}
+
+impl Signatures {
+    fn of(&self, object: usize) -> &[u32] {
+        let start = if object == 0 { 0 } else { self.ends[object - 1] };
+        &self.words[start..self.ends[object]]
+    }
+
+    fn write(&mut self, occurrences: &Occurrences<'_>, colours: &[u32]) {
+        self.words.clear();
+        self.ends.clear();
+        for (object, &colour) in colours.iter().enumerate() {
+            self.words.push(colour);
+            self.add_occurrences(occurrences, object, colours);
+            self.ends.push(self.words.len());
+        }
+    }
+
+    fn add_occurrences(&mut self, occurrences: &Occurrences<'_>, object: usize, colours: &[u32]) {
+        let Self { words, loose, parts, .. } = self;
+        loose.clear();
+        parts.clear();
+        for &(number, place) in &occurrences.places[occurrences.starts[object]..occurrences.starts[object + 1]] {
+            let (label, objects) = &occurrences.tuples[number as usize];
+            let start = loose.len();
+            loose.extend([*label, place, objects.len() as u32]);
+            loose.extend(objects.iter().map(|&other| colours[other as usize]));
+            parts.push(start..loose.len());
+        }
+        parts.sort_unstable_by(|a, b| loose[a.clone()].cmp(&loose[b.clone()]));
+        for part in parts.iter() {
+            words.extend_from_slice(&loose[part.clone()]);
+        }
+    }
+}
+
 /// 128 bits that stand for the canonical form; collisions are as likely as for any good 128-bit hash.
 pub fn canonical_hash(structure: &Structure) -> u128 {
     let form = structure.canonical_form();
@@ -124,11 +180,15 @@ fn scramble(word: u64) -> u64 {
 }
 
 /// Each key's rank among the distinct keys.
-fn ranks(keys: &[Vec<u32>]) -> Vec<u32> {
-    let mut distinct: Vec<&Vec<u32>> = keys.iter().collect();
-    distinct.sort_unstable();
-    distinct.dedup();
-    keys.iter().map(|key| distinct.binary_search(&key).expect("every key is there") as u32).collect()
+fn ranks<'k>(count: usize, key: impl Fn(usize) -> &'k [u32]) -> Vec<u32> {
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_unstable_by(|&a, &b| key(a).cmp(key(b)));
+    let (mut ranks, mut rank) = (vec![0; count], 0);
+    for pair in order.windows(2) {
+        rank += u32::from(key(pair[0]) != key(pair[1]));
+        ranks[pair[1]] = rank;
+    }
+    ranks
 }
 
 fn count(ranks: &[u32]) -> u32 {
@@ -137,8 +197,12 @@ fn count(ranks: &[u32]) -> u32 {
 
 /// The objects of the colour that fewest (but at least two) objects share, the first such colour.
 fn first_smallest_shared(colours: &[u32]) -> Option<Vec<usize>> {
-    let members = |colour: u32| (0..colours.len()).filter(|&object| colours[object] == colour).collect::<Vec<_>>();
-    (0..count(colours)).map(members).filter(|cell| cell.len() > 1).min_by_key(Vec::len)
+    let mut sizes = vec![0usize; count(colours) as usize];
+    for &colour in colours {
+        sizes[colour as usize] += 1;
+    }
+    let (colour, _) = sizes.iter().enumerate().filter(|&(_, &size)| size > 1).min_by_key(|&(_, &size)| size)?;
+    Some((0..colours.len()).filter(|&object| colours[object] as usize == colour).collect())
 }
 
 /// Makes room below the object's colour and gives it the lower one.
