@@ -10,27 +10,29 @@ mod corruption;
 pub use check::{Fault, FaultKind, Goal, check};
 pub use corruption::{Corruption, Negative, draw_negative};
 
+use std::borrow::Cow;
+
 use crate::pddl::ast::{ActionId, ObjectId};
 use crate::task::{Fact, OperatorId, State, Task};
 
 /// One action and the state that is said to follow.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Step {
+pub struct Step<'t> {
     /// The action.
     pub action: ActionId,
-    /// Its arguments.
-    pub args: Vec<ObjectId>,
+    /// Its arguments; they are the task's own where nothing is wrong with them.
+    pub args: Cow<'t, [ObjectId]>,
     /// The atoms of the state after it, in canonical order.
-    pub state: Vec<Fact>,
+    pub state: Vec<&'t Fact>,
 }
 
 /// The steps of a plan that is applicable in `task`, with the true states, and the last state.
-pub fn trace(task: &Task, plan: &[OperatorId]) -> (Vec<Step>, State) {
+pub fn trace<'t>(task: &'t Task, plan: &[OperatorId]) -> (Vec<Step<'t>>, State) {
     let mut state = task.init.clone();
     let mut step = |&id: &OperatorId| {
         let operator = &task.operators[id.index()];
         state = task.apply(operator, &state);
-        Step { action: operator.action, args: operator.args.clone(), state: task.atoms(&state) }
+        Step { action: operator.action, args: Cow::from(&operator.args), state: task.atoms_by_reference(&state) }
     };
     let steps = plan.iter().map(&mut step).collect();
     (steps, state)

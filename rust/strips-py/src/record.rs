@@ -83,13 +83,16 @@ impl RecordStream {
         if start > stop || stop > self.core.len(split) {
             return Err(PyIndexError::new_err("the split does not have as many records"));
         }
-        let batch = interrupt::detached(py, || self.pool.install(|| self.core.batch(split, start..stop)))?;
+        let batch = interrupt::run(py, &Limits::default(), |limits| {
+            self.pool.install(|| self.core.batch_within(split, start..stop, limits))
+        })?;
         batch_columns(py, batch)
     }
 
     /// The problems that the records refer to, as columns.
     fn problems<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let table = interrupt::detached(py, || self.pool.install(|| self.core.problem_table()))?;
+        let table =
+            interrupt::run(py, &Limits::default(), |limits| self.pool.install(|| self.core.problem_table(limits)))?;
         problem_columns(py, table)
     }
 }

@@ -82,7 +82,11 @@ impl Lexicon {
 
     /// Names for objects of the type: its own, or those of the nearest type above that has any.
     pub fn names(&self, domain: &Domain, type_id: TypeId, hold: Hold) -> &[String] {
-        let mut level = vec![type_id];
+        let own = self.objects[type_id.index()].get(hold);
+        if !own.is_empty() {
+            return own;
+        }
+        let mut level = domain.types[type_id.index()].parents.clone();
         while !level.is_empty() {
             let found = level.iter().map(|id| self.objects[id.index()].get(hold)).find(|names| !names.is_empty());
             if let Some(names) = found {

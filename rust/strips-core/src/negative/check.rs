@@ -91,7 +91,7 @@ impl FaultKind {
 }
 
 /// The first fault of the steps; none when all of it is right.
-pub fn check(task: &Task, goal: &Goal, steps: &[Step]) -> Option<Fault> {
+pub fn check(task: &Task, goal: &Goal, steps: &[Step<'_>]) -> Option<Fault> {
     let mut state = task.init.clone();
     let mut wrong_state = None;
     for (number, step) in steps.iter().enumerate() {
@@ -122,7 +122,8 @@ fn applicable(task: &Task, state: &State, action: ActionId, args: &[ObjectId]) -
 }
 
 /// Whether the atoms are those of the state, in their order.
-fn is_state(task: &Task, state: &State, atoms: &[Fact]) -> bool {
-    let own = task.atoms_by_reference(state);
-    own.len() == atoms.len() && own.iter().zip(atoms).all(|(own, atom)| *own == atom)
+fn is_state(task: &Task, state: &State, atoms: &[&Fact]) -> bool {
+    let same = |own: &Fact, atom: &Fact| std::ptr::eq(own, atom) || own == atom;
+    let mut atoms = atoms.iter();
+    task.atoms_of(state).all(|own| atoms.next().is_some_and(|atom| same(own, atom))) && atoms.next().is_none()
 }

@@ -72,11 +72,11 @@ impl Corruption {
 
 /// A completion that is proven wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Negative {
+pub struct Negative<'t> {
     /// How it was made.
     pub kind: Corruption,
     /// Its steps.
-    pub steps: Vec<Step>,
+    pub steps: Vec<Step<'t>>,
     /// What is wrong with it.
     pub fault: Fault,
     /// How many corruptions turned out right or could not be made before this one.
@@ -89,7 +89,13 @@ pub struct Negative {
 ///
 /// # Panics
 /// When no weight is positive.
-pub fn draw_negative(task: &Task, goal: &Goal, steps: &[Step], weights: &[f64], random: &mut Random) -> Negative {
+pub fn draw_negative<'t>(
+    task: &'t Task,
+    goal: &Goal,
+    steps: &[Step<'t>],
+    weights: &[f64],
+    random: &mut Random,
+) -> Negative<'t> {
     let mut redrawn = 0;
     for _ in 0..TRIES {
         let kind = Corruption::ALL[random.weighted(weights)];
@@ -106,7 +112,7 @@ pub fn draw_negative(task: &Task, goal: &Goal, steps: &[Step], weights: &[f64], 
 }
 
 /// The corruption that always succeeds: the last step's state without an atom, or the plan without its last step.
-fn missing_last_state(task: &Task, goal: &Goal, steps: &[Step], redrawn: usize) -> Negative {
+fn missing_last_state<'t>(task: &'t Task, goal: &Goal, steps: &[Step<'t>], redrawn: usize) -> Negative<'t> {
     let prefix = steps[..steps.len() - 1].to_vec();
     if let Some(fault) = check(task, goal, &prefix) {
         return Negative { kind: Corruption::Prefix, steps: prefix, fault, redrawn };
@@ -119,7 +125,7 @@ fn missing_last_state(task: &Task, goal: &Goal, steps: &[Step], redrawn: usize) 
 }
 
 /// The steps made wrong, or none where this kind cannot be made of them.
-fn corrupt(kind: Corruption, task: &Task, steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
+fn corrupt<'t>(kind: Corruption, task: &'t Task, steps: &[Step<'t>], random: &mut Random) -> Option<Vec<Step<'t>>> {
     match kind {
         Corruption::ShuffleActions => shuffled(steps, true, false, random),
         Corruption::ShuffleStates => shuffled(steps, false, true, random),
@@ -135,7 +141,7 @@ fn corrupt(kind: Corruption, task: &Task, steps: &[Step], random: &mut Random) -
     }
 }
 
-fn shuffled(steps: &[Step], actions: bool, states: bool, random: &mut Random) -> Option<Vec<Step>> {
+fn shuffled<'t>(steps: &[Step<'t>], actions: bool, states: bool, random: &mut Random) -> Option<Vec<Step<'t>>> {
     let permutation = |moved: bool, random: &mut Random| {
         let mut order: Vec<usize> = (0..steps.len()).collect();
         if moved {
@@ -152,20 +158,20 @@ fn shuffled(steps: &[Step], actions: bool, states: bool, random: &mut Random) ->
     (steps.len() > 1).then(|| of_action.iter().zip(&of_state).map(step).collect())
 }
 
-fn drop_step(steps: &[Step], random: &mut Random) -> Vec<Step> {
+fn drop_step<'t>(steps: &[Step<'t>], random: &mut Random) -> Vec<Step<'t>> {
     let mut steps = steps.to_vec();
     steps.remove(random.below(steps.len()));
     steps
 }
 
-fn repeat_step(steps: &[Step], random: &mut Random) -> Vec<Step> {
+fn repeat_step<'t>(steps: &[Step<'t>], random: &mut Random) -> Vec<Step<'t>> {
     let mut steps = steps.to_vec();
     let at = random.below(steps.len());
     steps.insert(at, steps[at].clone());
     steps
 }
 
-fn swap_steps(steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
+fn swap_steps<'t>(steps: &[Step<'t>], random: &mut Random) -> Option<Vec<Step<'t>>> {
     if steps.len() < 2 {
         return None;
     }
@@ -176,7 +182,7 @@ fn swap_steps(steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
     Some(steps)
 }
 
-fn wrong_argument(task: &Task, steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
+fn wrong_argument<'t>(task: &'t Task, steps: &[Step<'t>], random: &mut Random) -> Option<Vec<Step<'t>>> {
     let mut steps = steps.to_vec();
     let at = random.below(steps.len());
     if steps[at].args.is_empty() || task.problem.objects.len() < 2 {
@@ -185,11 +191,11 @@ fn wrong_argument(task: &Task, steps: &[Step], random: &mut Random) -> Option<Ve
     let place = random.below(steps[at].args.len());
     let other = random.below(task.problem.objects.len() - 1);
     let old = steps[at].args[place].index();
-    steps[at].args[place] = ObjectId::from(other + usize::from(other >= old));
+    steps[at].args.to_mut()[place] = ObjectId::from(other + usize::from(other >= old));
     Some(steps)
 }
 
-fn missing_atom(steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
+fn missing_atom<'t>(steps: &[Step<'t>], random: &mut Random) -> Option<Vec<Step<'t>>> {
     let mut steps = steps.to_vec();
     let at = random.below(steps.len());
     let state = &mut steps[at].state;
@@ -200,21 +206,21 @@ fn missing_atom(steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
     Some(steps)
 }
 
-fn invented_atom(task: &Task, steps: &[Step], random: &mut Random) -> Option<Vec<Step>> {
+fn invented_atom<'t>(task: &'t Task, steps: &[Step<'t>], random: &mut Random) -> Option<Vec<Step<'t>>> {
     let mut steps = steps.to_vec();
     let at = random.below(steps.len());
     if task.facts.is_empty() {
         return None;
     }
-    let fact: &Fact = random.choice(&task.facts);
+    let fact: &'t Fact = random.choice(&task.facts);
     let basic = !task.domain.predicates[fact.predicate.index()].derived;
-    let place = steps[at].state.binary_search(fact).err().filter(|_| basic)?;
-    steps[at].state.insert(place, fact.clone());
+    let place = steps[at].state.binary_search(&fact).err().filter(|_| basic)?;
+    steps[at].state.insert(place, fact);
     Some(steps)
 }
 
 /// A random walk, about as long as the plan, that undoes nothing at once.
-fn other_goal(task: &Task, length: usize, random: &mut Random) -> Option<Vec<Step>> {
+fn other_goal<'t>(task: &'t Task, length: usize, random: &mut Random) -> Option<Vec<Step<'t>>> {
     let length = 1.max(length + random.below(3) - 1);
     let (mut state, mut before, mut plan) = (task.init.clone(), task.init.clone(), Vec::new());
     for _ in 0..length {

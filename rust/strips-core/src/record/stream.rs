@@ -108,7 +108,8 @@ impl RecordStream {
             return Err(RecordError::NoProblems { domain: parts.domain.name.clone() });
         }
         let templates = parts.templates.iter().map(|template| template.name.clone()).collect();
-        let book = Book { domain: parts.domain, lexicon: parts.lexicon, templates, pools, config };
+        let (domain, lexicon, negatives) = (parts.domain, parts.lexicon, config.negative_weights());
+        let book = Book { domain, config, negatives, lexicon, templates, pools };
         Ok(Self { book, left_out })
     }
 
@@ -142,18 +143,24 @@ impl RecordStream {
 
     /// The records of the range, on the current thread pool; the same for any number of threads.
     pub fn batch(&self, split: Split, range: Range<u64>) -> Batch {
+        self.batch_within(split, range, &Limits::default()).expect("the default limits set no time")
+    }
+
+    /// The same, as long as nobody interrupts and there is time.
+    ///
+    /// # Errors
+    /// [`LimitError::Interrupted`] and [`LimitError::Time`].
+    pub fn batch_within(&self, split: Split, range: Range<u64>, limits: &Limits) -> Result<Batch, LimitError> {
+        let watch = limits.start();
         let starts: Vec<u64> = range.clone().step_by(CHUNK as usize).collect();
         let chunk = |&start: &u64| {
-            let mut batch = Batch::default();
-            (start..range.end.min(start + CHUNK)).for_each(|index| self.book.write(split, index, &mut batch));
-            batch
+            watch.check()?;
+            let (mut text, mut batch) = (String::new(), Batch::with_room(CHUNK as usize));
+            (start..range.end.min(start + CHUNK))
+                .for_each(|index| self.book.write(split, index, &mut text, &mut batch));
+            Ok(batch)
         };
-        let chunks: Vec<Batch> = starts.par_iter().map(chunk).collect();
-        let mut whole = Batch::default();
-        for chunk in &chunks {
-            whole.append(chunk);
-        }
-        whole
+        Ok(Batch::joined(&starts.par_iter().map(chunk).collect::<Result<Vec<_>, _>>()?))
     }
 
     /// How many problems the records refer to.
@@ -167,22 +174,22 @@ impl RecordStream {
     }
 
     /// The problems that the records refer to.
-    pub fn problem_table(&self) -> ProblemTable {
+    ///
+    /// # Errors
+    /// [`LimitError::Interrupted`] and [`LimitError::Time`].
+    pub fn problem_table(&self, limits: &Limits) -> Result<ProblemTable, LimitError> {
+        let watch = limits.start();
         let ids: Vec<usize> = (0..self.problems()).collect();
         let part = |ids: &[usize]| {
+            watch.check()?;
             let mut table = ProblemTable::default();
             for &id in ids {
                 let shape = self.problem(id);
                 table.push(id, shape, template_name(shape.source, &self.book.templates));
             }
-            table
+            Ok(table)
         };
-        let parts: Vec<ProblemTable> = ids.par_chunks(CHUNK as usize).map(part).collect();
-        let mut whole = ProblemTable::default();
-        for part in &parts {
-            whole.append(part);
-        }
-        whole
+        Ok(ProblemTable::joined(&ids.par_chunks(CHUNK as usize).map(part).collect::<Result<Vec<_>, _>>()?))
     }
 }
 

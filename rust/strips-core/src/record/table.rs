@@ -45,6 +45,11 @@ impl Texts {
         std::str::from_utf8(bytes).expect("only whole texts are added")
     }
 
+    fn reserve<'p>(&mut self, parts: impl Iterator<Item = &'p Self> + Clone) {
+        self.offsets.reserve(parts.clone().map(Self::len).sum());
+        self.bytes.reserve(parts.map(|part| part.bytes.len()).sum());
+    }
+
     fn append(&mut self, other: &Self) {
         let base = i32::try_from(self.bytes.len()).expect("a batch stays below 2 GiB");
         self.bytes.extend_from_slice(&other.bytes);
@@ -76,6 +81,11 @@ impl TextLists {
         self.offsets.push(count(self.texts.len()));
     }
 
+    fn reserve<'p>(&mut self, parts: impl Iterator<Item = &'p Self> + Clone) {
+        self.offsets.reserve(parts.clone().map(|part| part.offsets.len() - 1).sum());
+        self.texts.reserve(parts.map(|part| &part.texts));
+    }
+
     fn append(&mut self, other: &Self) {
         let base = count(self.texts.len());
         self.texts.append(&other.texts);
@@ -94,6 +104,16 @@ macro_rules! columns {
             pub fn append(&mut self, other: &Self) {
                 $(append!($how, self.$field, other.$field);)*
             }
+
+            /// The rows of all parts, in room that is made once.
+            pub fn joined(parts: &[Self]) -> Self {
+                let mut whole = Self::default();
+                $(reserve!($how, whole.$field, parts.iter().map(|part| &part.$field));)*
+                for part in parts {
+                    whole.append(part);
+                }
+                whole
+            }
         }
     };
 }
@@ -104,6 +124,15 @@ macro_rules! append {
     };
     (numbers, $to:expr, $from:expr) => {
         $to.extend_from_slice(&$from)
+    };
+}
+
+macro_rules! reserve {
+    (texts, $to:expr, $parts:expr) => {
+        $to.reserve($parts)
+    };
+    (numbers, $to:expr, $parts:expr) => {
+        $to.reserve($parts.map(Vec::len).sum())
     };
 }
 
@@ -146,6 +175,20 @@ columns! {
         plan_count: Texts => texts,
         /// Seeds this record.
         seed: Vec<u64> => numbers,
+    }
+}
+
+/// Bytes of a long text, about.
+const TEXT: usize = 1024;
+
+impl Batch {
+    /// An empty batch with room for this many usual records.
+    pub(super) fn with_room(records: usize) -> Self {
+        let mut batch = Self::default();
+        for column in [&mut batch.prompt, &mut batch.completion, &mut batch.negative] {
+            column.bytes.reserve(records * TEXT);
+        }
+        batch
     }
 }
 

@@ -45,20 +45,25 @@ impl Task {
     /// Every atom that is true in the state, static ones included and derived ones not, ascending by (predicate,
     /// arguments).
     pub fn atoms(&self, state: &State) -> Vec<Fact> {
-        self.atoms_by_reference(state).into_iter().cloned().collect()
+        self.atoms_of(state).cloned().collect()
     }
 
-    /// What [`Task::atoms`] gives, without copying the facts. Linear in the number of facts.
-    pub fn atoms_by_reference<'a>(&'a self, state: &State) -> Vec<&'a Fact> {
-        let mut constant = self.static_facts.iter().peekable();
-        let mut atoms = Vec::with_capacity(self.static_facts.len() + 16);
-        for (index, fact) in self.facts.iter().enumerate() {
-            if state.holds(FactId::from(index)) && !self.domain.predicates[fact.predicate.index()].derived {
-                atoms.extend(std::iter::from_fn(|| constant.next_if(|&known| known < fact)));
-                atoms.push(fact);
-            }
-        }
-        atoms.extend(constant);
+    /// What [`Task::atoms`] gives, without copying the facts.
+    pub fn atoms_by_reference(&self, state: &State) -> Vec<&Fact> {
+        let mut atoms = Vec::with_capacity(self.static_facts.len() + state.count());
+        atoms.extend(self.atoms_of(state));
         atoms
+    }
+
+    /// The same, one after the other. Linear in the words of the state and in its atoms.
+    pub fn atoms_of<'t>(&'t self, state: &State) -> impl Iterator<Item = &'t Fact> {
+        let derived = |fact: &Fact| self.domain.predicates[fact.predicate.index()].derived;
+        let mut changing =
+            state.facts().map(|id| &self.facts[id.index()]).filter(move |fact| !derived(fact)).peekable();
+        let mut constant = self.static_facts.iter().peekable();
+        std::iter::from_fn(move || match changing.peek() {
+            Some(fact) => constant.next_if(|known| known < fact).or_else(|| changing.next()),
+            None => constant.next(),
+        })
     }
 }

@@ -17,6 +17,20 @@ impl State {
         self.0[fact.index() / 64] >> (fact.index() % 64) & 1 == 1
     }
 
+    /// How many facts are true.
+    pub fn count(&self) -> usize {
+        self.0.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    /// The facts that are true, ascending.
+    pub fn facts(&self) -> impl Iterator<Item = FactId> {
+        self.0.iter().enumerate().flat_map(|(word, &bits)| {
+            let left = |&bits: &u64| Some(bits & (bits - 1)).filter(|&left| left != 0);
+            let words = std::iter::successors(Some(bits).filter(|&bits| bits != 0), left);
+            words.map(move |bits| FactId::from(word * 64 + bits.trailing_zeros() as usize))
+        })
+    }
+
     /// Makes the fact true or false.
     pub fn set(&mut self, fact: FactId, value: bool) {
         let bit = 1 << (fact.index() % 64);

@@ -3,6 +3,8 @@
 //! A legend (`<VOCAB>`) has a word for each action and then, where predicates have words too, one for each of them. That
 //! order tells an action from a predicate of the same name, which PDDL allows.
 
+use std::borrow::Borrow;
+
 use super::{ACTION, END, GOAL, INIT, OBJECTS, START, STATE, Style, VOCAB};
 use crate::pddl::ast::{ActionId, Domain, GroundAtom, Object, ObjectId, PredicateId};
 
@@ -22,12 +24,21 @@ pub struct Naming<'a, S = String> {
 }
 
 /// A goal to be rendered.
-#[derive(Clone, Copy, Debug)]
-pub enum Goal<'a> {
+#[derive(Debug)]
+pub enum Goal<'a, A = GroundAtom> {
     /// The whole final state.
-    State(&'a [GroundAtom]),
+    State(&'a [A]),
     /// Literals; the flag is false for a negative one.
-    Problem(&'a [(GroundAtom, bool)]),
+    Problem(&'a [(A, bool)]),
+}
+
+// Derived, these would ask the same of atoms.
+impl<A> Copy for Goal<'_, A> {}
+
+impl<A> Clone for Goal<'_, A> {
+    fn clone(&self) -> Self {
+        *self
+    }
 }
 
 impl<'a> Naming<'a> {
@@ -71,11 +82,11 @@ impl<'a, S: AsRef<str>> Naming<'a, S> {
 }
 
 /// Appends a prompt. It ends without a space; [`render_completion`] begins with none.
-pub fn render_prompt<S: AsRef<str>>(
+pub fn render_prompt<S: AsRef<str>, A: Borrow<GroundAtom>>(
     naming: &Naming<'_, S>,
     style: Style,
-    goal: Goal<'_>,
-    init: &[GroundAtom],
+    goal: Goal<'_, A>,
+    init: &[A],
     out: &mut String,
 ) {
     out.push_str(START);
@@ -92,9 +103,9 @@ pub fn render_prompt<S: AsRef<str>>(
 /// Appends a completion: for each step an action's arguments and the whole state after it, then the end token.
 ///
 /// States are expected in canonical order (predicates, then arguments, as declared).
-pub fn render_completion<'s, S: AsRef<str>>(
+pub fn render_completion<'s, S: AsRef<str>, A: Borrow<GroundAtom> + 's>(
     naming: &Naming<'_, S>,
-    steps: impl IntoIterator<Item = (ActionId, &'s [ObjectId], &'s [GroundAtom])>,
+    steps: impl IntoIterator<Item = (ActionId, &'s [ObjectId], &'s [A])>,
     out: &mut String,
 ) {
     for (action, args, state) in steps {
@@ -124,14 +135,14 @@ pub fn render_record<'s, S: AsRef<str>>(
 }
 
 /// Appends atoms in the order given, each after a space, commas between them; nothing for none.
-pub fn render_atoms<S: AsRef<str>>(naming: &Naming<'_, S>, atoms: &[GroundAtom], out: &mut String) {
-    for (position, atom) in atoms.iter().enumerate() {
+pub fn render_atoms<S: AsRef<str>, A: Borrow<GroundAtom>>(naming: &Naming<'_, S>, atoms: &[A], out: &mut String) {
+    for (position, atom) in atoms.iter().map(Borrow::borrow).enumerate() {
         out.push_str(if position == 0 { " " } else { ", " });
         render_call(naming, naming.predicate(atom.predicate), &atom.args, out);
     }
 }
 
-fn render_goal<S: AsRef<str>>(naming: &Naming<'_, S>, goal: Goal<'_>, out: &mut String) {
+fn render_goal<S: AsRef<str>, A: Borrow<GroundAtom>>(naming: &Naming<'_, S>, goal: Goal<'_, A>, out: &mut String) {
     let literals = match goal {
         Goal::State(atoms) => return render_atoms(naming, atoms, out),
         Goal::Problem(literals) => literals,
@@ -139,6 +150,7 @@ fn render_goal<S: AsRef<str>>(naming: &Naming<'_, S>, goal: Goal<'_>, out: &mut 
     for (position, (atom, positive)) in literals.iter().enumerate() {
         out.push_str(if position == 0 { " " } else { ", " });
         out.push_str(if *positive { "" } else { "not " });
+        let atom = atom.borrow();
         render_call(naming, naming.predicate(atom.predicate), &atom.args, out);
     }
 }
