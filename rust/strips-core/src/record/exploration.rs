@@ -8,7 +8,10 @@ use rustc_hash::FxHashMap;
 
 use crate::random::Random;
 use crate::search::SuccessorGenerator;
-use crate::task::{OperatorId, State, Task};
+use crate::task::{LimitError, Limits, OperatorId, State, Task, Watch};
+
+/// How many states pass between two looks at whether somebody interrupted.
+const STATES_PER_CHECK: usize = 256;
 
 /// Where an edge comes from.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +35,16 @@ pub(super) struct Exploration {
 impl Exploration {
     /// Explores until the layer that holds a state for which `stop` is true, `horizon` steps or about `most` states,
     /// whichever comes first. A layer that would pass `most` is not begun.
-    pub fn new(task: &Task, horizon: usize, most: usize, stop: impl Fn(&State) -> bool) -> Self {
+    ///
+    /// # Errors
+    /// When the work is interrupted.
+    pub fn new(
+        task: &Task,
+        (horizon, most): (usize, usize),
+        stop: impl Fn(&State) -> bool,
+        limits: &Limits,
+    ) -> Result<Self, LimitError> {
+        let watch = limits.start();
         let generator = SuccessorGenerator::new(task);
         let mut found = Growing::new(task.init.clone());
         while found.layers.len() <= horizon && found.states.len() < most {
@@ -40,9 +52,9 @@ impl Exploration {
             if last.is_empty() || found.states[last.clone()].iter().any(&stop) {
                 break;
             }
-            found.grow(&generator, last);
+            found.grow(&generator, last, &watch)?;
         }
-        found.finish()
+        Ok(found.finish())
     }
 
     /// Steps to the farthest state.
@@ -147,27 +159,41 @@ impl Growing {
         Self { states: vec![init], numbers, layers: vec![0], edges: Vec::new() }
     }
 
-    fn grow(&mut self, generator: &SuccessorGenerator, last: std::ops::Range<usize>) {
+    fn grow(
+        &mut self,
+        generator: &SuccessorGenerator,
+        last: std::ops::Range<usize>,
+        watch: &Watch,
+    ) -> Result<(), LimitError> {
         let first_new = self.states.len();
         self.layers.push(first_new);
+        let (mut next, mut applicable) = (self.states[0].clone(), Vec::new());
         for parent in last {
+            if parent.is_multiple_of(STATES_PER_CHECK) {
+                watch.check()?;
+            }
             let state = self.states[parent].clone();
-            for operator in generator.applicable(&state) {
-                let number = self.number(generator.successor(&state, operator));
+            generator.applicable_in(&state.0, &mut applicable);
+            for &operator in &applicable {
+                next.0.copy_from_slice(&state.0);
+                generator.apply(operator, &state.0, &mut next.0);
+                let number = self.number(&next);
                 if number as usize >= first_new {
-                    self.edges.push((number, Edge { parent: parent as u32, operator }));
+                    self.edges.push((number, Edge { parent: parent as u32, operator: OperatorId(operator) }));
                 }
             }
         }
+        Ok(())
     }
 
-    fn number(&mut self, state: State) -> u32 {
-        let next = self.states.len() as u32;
-        let states = &mut self.states;
-        *self.numbers.entry(state).or_insert_with_key(|state| {
-            states.push(state.clone());
-            next
-        })
+    fn number(&mut self, state: &State) -> u32 {
+        if let Some(&number) = self.numbers.get(state) {
+            return number;
+        }
+        let number = self.states.len() as u32;
+        self.numbers.insert(state.clone(), number);
+        self.states.push(state.clone());
+        number
     }
 
     fn finish(mut self) -> Exploration {
@@ -175,11 +201,15 @@ impl Growing {
             self.layers.pop();
         }
         self.layers.push(self.states.len());
-        self.edges.sort_by_key(|&(target, _)| target);
         let mut ends = vec![0u32; self.states.len()];
         self.edges.iter().for_each(|&(target, _)| ends[target as usize] += 1);
         (1..ends.len()).for_each(|state| ends[state] += ends[state - 1]);
-        let edges: Vec<Edge> = self.edges.into_iter().map(|(_, edge)| edge).collect();
+        let mut edges = self.edges.iter().map(|&(_, edge)| edge).collect::<Vec<_>>();
+        let mut free = ends.clone();
+        for &(target, edge) in self.edges.iter().rev() {
+            free[target as usize] -= 1;
+            edges[free[target as usize] as usize] = edge;
+        }
         let mut exploration = Exploration { states: self.states, layers: self.layers, ends, edges, paths: vec![1] };
         for state in 1..exploration.states.len() {
             let into = exploration.edges_of(state).iter().map(|edge| exploration.paths[edge.parent as usize]);

@@ -63,7 +63,7 @@ fn one(workshop: &Workshop, given: &Given) -> Result<Vec<Shape>, LimitError> {
     let (task, goal) = (open_task(workshop, given.problem.clone())?, Goal::Literals(literals.clone()));
     let hash = hash_of(&task, &goal);
     let random = workshop.random(&format!("plans {hash:x}"));
-    Ok(solve(workshop.config, (Source::Given, STATES), &Arc::new(task), &goal, hash, random))
+    solve(workshop, (Source::Given, STATES), &Arc::new(task), &goal, hash, random)
 }
 
 /// The problem with its objects called by their slots, as all problems of a data set have them.

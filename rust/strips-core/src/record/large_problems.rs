@@ -55,7 +55,7 @@ fn start(workshop: &Workshop, template: &Template, random: &mut Random) -> Resul
     let (_, state) = walk(&task, &SuccessorGenerator::new(&task), steps, random);
     let problem = Problem { init: task.atoms(&state), ..(*task.problem).clone() };
     let task = open_task(workshop, problem)?;
-    let around = Exploration::new(&task, workshop.config.large_walk.1, STATES, |_| false);
+    let around = Exploration::new(&task, (workshop.config.large_walk.1, STATES), |_| false, &workshop.limits)?;
     Ok(Ground { generator: SuccessorGenerator::new(&task), task: Arc::new(task), around })
 }
 

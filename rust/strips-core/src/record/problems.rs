@@ -8,7 +8,7 @@ use super::shape::{Shape, Source};
 use crate::negative::Goal;
 use crate::pddl::ast::{Condition, Domain, Problem};
 use crate::random::Random;
-use crate::search::{PlanSet, Semantics};
+use crate::search::{PlanSet, SampleError, Semantics};
 use crate::task::{LimitError, Limits, Task, ground};
 
 /// What all problems are made with.
@@ -36,59 +36,73 @@ pub(super) type Ends<'e> = (&'e Exploration, usize, &'e [usize]);
 
 /// The nearest states that satisfy the goal, if it takes at least one step, no more than allowed, and no more than about
 /// `most` states to find them.
+///
+/// # Errors
+/// When the work is interrupted.
 pub(super) fn goal_states(
-    config: &RecordConfig,
+    workshop: &Workshop,
     most: usize,
     task: &Task,
     goal: &Goal,
-) -> Option<(Exploration, usize, Vec<usize>)> {
+) -> Result<Option<(Exploration, usize, Vec<usize>)>, LimitError> {
     let reached = |state: &crate::task::State| goal.holds(task, state);
-    let exploration = Exploration::new(task, config.max_steps, most, reached);
-    let (shortest, states) = exploration.nearest(reached)?;
-    (shortest > 0).then_some((exploration, shortest, states))
+    let exploration = Exploration::new(task, (workshop.config.max_steps, most), reached, &workshop.limits)?;
+    let nearest = exploration.nearest(reached).filter(|&(shortest, _)| shortest > 0);
+    Ok(nearest.map(|(shortest, states)| (exploration, shortest, states)))
 }
 
 /// The problem with the plans that the configuration wants; none where that takes more than the limits allow.
+///
+/// # Errors
+/// When the work is interrupted.
 pub(super) fn shape(
-    config: &RecordConfig,
+    workshop: &Workshop,
     source: Source,
     task: &Arc<Task>,
     goal: Goal,
     (exploration, shortest, states): Ends,
     (hash, family): (u128, u128),
     random: &mut Random,
-) -> Option<Shape> {
-    let (plans, plan_count) = match config.plans {
+) -> Result<Option<Shape>, LimitError> {
+    let config = workshop.config;
+    let found = match config.plans {
         PlanChoice::Shortest => {
             let plans = exploration.shortest_plans(states, config.plans_per_problem, random);
-            (plans, exploration.count(states))
+            Ok((plans, exploration.count(states)))
         }
         // `longer` asks for more steps than training has; its problems' shortest plans are always among theirs.
-        PlanChoice::All => all_plans((config, config.max_steps.max(shortest)), task, &goal, random)?,
+        PlanChoice::All => all_plans(workshop, config.max_steps.max(shortest), task, &goal, random),
+    };
+    let (plans, plan_count) = match found {
+        Ok(found) => found,
+        Err(LimitError::Interrupted) => return Err(LimitError::Interrupted),
+        Err(_) => return Ok(None),
     };
     let (task, shortest) = (task.clone(), Some(shortest));
-    Some(Shape { source, task, goal, plans, plan_count, shortest, hash, family })
+    Ok(Some(Shape { source, task, goal, plans, plan_count, shortest, hash, family }))
 }
 
 /// All first-goal plans of at most `horizon` steps, or a uniform sample of them.
 fn all_plans(
-    (config, horizon): (&RecordConfig, usize),
+    workshop: &Workshop,
+    horizon: usize,
     task: &Arc<Task>,
     goal: &Goal,
     random: &mut Random,
-) -> Option<(Vec<Vec<crate::task::OperatorId>>, u128)> {
+) -> Result<(Vec<Vec<crate::task::OperatorId>>, u128), LimitError> {
+    let (limits, most) = (&workshop.limits, workshop.config.plans_per_problem);
     let aimed = Arc::new(Task { goal: goal.condition(task), ..(**task).clone() });
-    let set = PlanSet::new(aimed, horizon, Semantics::FirstGoal, &Limits::default()).ok()?;
-    let count = u128::try_from(set.count()).ok()?;
+    let set = PlanSet::new(aimed, horizon, Semantics::FirstGoal, limits)?;
+    let count = u128::try_from(set.count()).map_err(|_| LimitError::States { limit: limits.states })?;
     let replace = false;
-    let plans = if count <= config.plans_per_problem as u128 {
+    let plans = if count <= most as u128 {
         set.iter().map(|plan| plan.0).collect()
     } else {
-        set.sample(config.plans_per_problem, random.bits(), replace, &Limits::default())
-            .ok()?
-            .iter()
-            .map(|plan| plan.0)
-            .collect()
+        let drawn = match set.sample(most, random.bits(), replace, limits) {
+            Err(SampleError::Limit(error)) => return Err(error),
+            drawn => drawn.expect("there are more plans than are drawn"),
+        };
+        drawn.iter().map(|plan| plan.0).collect()
     };
-    Some((plans, count))
+    Ok((plans, count))
 }

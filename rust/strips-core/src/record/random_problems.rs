@@ -44,9 +44,9 @@ pub(super) fn shapes(
     let mut random = workshop.random(&format!("{} {number}", wanted.purpose));
     let problem = start.problem(workshop, wanted, &mut random);
     let task = Arc::new(scrambled(workshop, problem, &mut random)?);
-    let exploration = Exploration::new(&task, wanted.steps.1, wanted.states, |_| false);
-    let drawn = (0..wanted.goals).filter_map(|_| draw(workshop, &task, &exploration, wanted, &mut random));
-    Ok(drawn.collect())
+    let exploration = Exploration::new(&task, (wanted.steps.1, wanted.states), |_| false, &workshop.limits)?;
+    let drawn = (0..wanted.goals).filter_map(|_| draw(workshop, &task, &exploration, wanted, &mut random).transpose());
+    drawn.collect()
 }
 
 /// Where random problems start from.
@@ -77,8 +77,11 @@ fn scrambled(workshop: &Workshop, problem: Problem, random: &mut Random) -> Resu
         }
         state = task.apply(random.choice::<&crate::task::Operator>(&applicable), &state);
     }
-    let problem = Problem { init: task.atoms(&state), ..(*task.problem).clone() };
-    open_task(workshop, problem)
+    let init = task.atoms(&state);
+    if init == task.problem.init {
+        return Ok(task);
+    }
+    open_task(workshop, Problem { init, ..(*task.problem).clone() })
 }
 
 /// A goal at a drawn distance, solved.
@@ -88,10 +91,10 @@ fn draw(
     exploration: &Exploration,
     wanted: Wanted,
     random: &mut Random,
-) -> Option<Shape> {
+) -> Result<Option<Shape>, LimitError> {
     let (least, most) = (wanted.steps.0, wanted.steps.1.min(exploration.depth()));
     if most < least {
-        return None;
+        return Ok(None);
     }
     let layer = exploration.layer(least + random.below(most - least + 1));
     let target = layer.start + random.below(layer.len());
@@ -101,15 +104,13 @@ fn draw(
     } else {
         some_changes(task, &exploration.states[target], LITERALS, random)
     };
-    let (shortest, states) = match goal {
-        Goal::State(_) => (exploration.depth_of(target), vec![target]),
-        Goal::Literals(_) => exploration.nearest(|state| goal.holds(task, state))?,
+    let nearest = match goal {
+        Goal::State(_) => Some((exploration.depth_of(target), vec![target])),
+        Goal::Literals(_) => exploration.nearest(|state| goal.holds(task, state)),
     };
-    if shortest < least {
-        return None;
-    }
+    let Some((shortest, states)) = nearest.filter(|&(shortest, _)| shortest >= least) else { return Ok(None) };
     let hash = hash_of(task, &goal);
-    shape(config, Source::Random, task, goal, (exploration, shortest, &states), (hash, hash), random)
+    shape(workshop, Source::Random, task, goal, (exploration, shortest, &states), (hash, hash), random)
 }
 
 /// Some of the facts in which the state differs from the initial one, as they are there: from one to all, but no more

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::augment::{Structure, canonical_hash};
 use crate::negative::Goal;
-use crate::pddl::ast::{Atom, Condition, Problem, Term};
+use crate::pddl::ast::{Atom, Condition, Domain, Problem, Term};
 use crate::task::{Fact, OperatorId, Task};
 use crate::text::GoalStyle;
 
@@ -69,28 +69,43 @@ pub(super) fn hash_of(task: &Task, goal: &Goal) -> u128 {
     canonical_hash(&structure(task, goal))
 }
 
+/// The same hash for a goal of literals, which needs no task.
+pub(super) fn hash_before_grounding(domain: &Domain, problem: &Problem, goal: &[(Fact, bool)]) -> u128 {
+    let mut structure = start(domain, problem);
+    structure.tuples.extend(goal.iter().map(literal_tuple));
+    canonical_hash(&structure)
+}
+
 /// What an isomorphism of problems must keep: each object's types, each atom of the initial state and of the goal.
 pub(crate) fn structure(task: &Task, goal: &Goal) -> Structure {
-    let constants = task.domain.constants.len() + task.domain.pending.len();
-    let types = task.domain.types.len() as u32;
+    let mut structure = start(&task.domain, &task.problem);
+    match goal {
+        Goal::State(state) => structure.tuples.extend(task.atoms_of(state).map(|fact| tuple(fact, 1))),
+        Goal::Literals(literals) => structure.tuples.extend(literals.iter().map(literal_tuple)),
+    }
+    structure
+}
+
+/// Objects and initial state.
+fn start(domain: &Domain, problem: &Problem) -> Structure {
+    let constants = domain.constants.len() + domain.pending.len();
+    let types = domain.types.len() as u32;
     // A constant is itself, whatever it is called elsewhere; other objects are what their types make them.
     let colour = |(id, object): (usize, &crate::pddl::ast::Object)| {
         if id < constants { types + id as u32 } else { object.types[0].0 }
     };
-    let colours = task.problem.objects.iter().enumerate().map(colour).collect();
-    let mut tuples: Vec<(u32, Vec<u32>)> = task.problem.init.iter().map(|fact| tuple(fact, 0)).collect();
+    let colours = problem.objects.iter().enumerate().map(colour).collect();
+    let mut tuples: Vec<(u32, Vec<u32>)> = problem.init.iter().map(|fact| tuple(fact, 0)).collect();
     // An object of several types has the first for its colour and each other one as a property.
-    let first_label = 4 * task.domain.predicates.len() as u32;
-    for (id, object) in task.problem.objects.iter().enumerate() {
+    let first_label = 4 * domain.predicates.len() as u32;
+    for (id, object) in problem.objects.iter().enumerate() {
         tuples.extend(object.types[1..].iter().map(|kind| (first_label + kind.0, vec![id as u32])));
     }
-    match goal {
-        Goal::State(state) => tuples.extend(task.atoms(state).iter().map(|fact| tuple(fact, 1))),
-        Goal::Literals(literals) => {
-            tuples.extend(literals.iter().map(|(fact, value)| tuple(fact, if *value { 2 } else { 3 })));
-        }
-    }
     Structure { colours, tuples }
+}
+
+fn literal_tuple((fact, value): &(Fact, bool)) -> (u32, Vec<u32>) {
+    tuple(fact, if *value { 2 } else { 3 })
 }
 
 fn tuple(fact: &Fact, role: u32) -> (u32, Vec<u32>) {

@@ -1,13 +1,12 @@
-//! Problems from templates: each expanded, those equal up to names once, solved.
+//! Problems from templates: each expanded, those equal up to names dropped, the others grounded and solved.
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
-use super::config::RecordConfig;
 use super::problems::{Workshop, open_task};
-use super::shape::{Shape, Source, hash_of};
+use super::shape::{Shape, Source, hash_before_grounding, hash_of};
 use crate::augment::Template;
 use crate::negative::Goal;
 use crate::pddl::ast::{Condition, Problem, Term};
@@ -23,22 +22,21 @@ pub(super) fn shapes(workshop: &Workshop, number: usize, template: &Template) ->
     let mut problems: Vec<Problem> = template.expand(&workshop.domain).collect();
     // A template with very many problems is thinned before anything is solved: eight in one are enough to choose from.
     thin(&mut problems, 8 * workshop.config.problems_per_template, &mut random);
-    let tasks = problems.into_par_iter().map(|problem| prepare(workshop, problem)).collect::<Result<Vec<_>, _>>()?;
+    let prepared = problems.into_par_iter().map(|problem| prepare(workshop, problem)).collect::<Result<Vec<_>, _>>()?;
     let mut seen = FxHashSet::default();
-    let mut fresh: Vec<_> = tasks.into_iter().filter(|(_, _, hash)| seen.insert(*hash)).collect();
+    let mut fresh: Vec<_> = prepared.into_iter().filter(|(_, _, hash)| seen.insert(*hash)).collect();
     thin(&mut fresh, workshop.config.problems_per_template, &mut random);
-    let solve = |(task, goal, hash): (Task, Goal, u128)| {
-        solve(
-            workshop.config,
-            (Source::Template(number), usize::MAX),
-            &Arc::new(task),
-            &goal,
-            hash,
-            workshop.random(&format!("plans {hash:x}")),
-        )
+    let solve = |(problem, goal, hash): Prepared| {
+        let task = Arc::new(open_task(workshop, problem)?);
+        let random = workshop.random(&format!("plans {hash:x}"));
+        solve(workshop, (Source::Template(number), usize::MAX), &task, &goal, hash, random)
     };
-    Ok(fresh.into_par_iter().flat_map_iter(solve).collect())
+    let solved: Vec<Vec<Shape>> = fresh.into_par_iter().map(solve).collect::<Result<_, _>>()?;
+    Ok(solved.into_iter().flatten().collect())
 }
+
+/// A problem, its goal, and what stands for both up to names.
+type Prepared = (Problem, Goal, u128);
 
 /// Keeps a random choice of `most` items, in their order.
 fn thin<T>(items: &mut Vec<T>, most: usize, random: &mut Random) {
@@ -52,11 +50,11 @@ fn thin<T>(items: &mut Vec<T>, most: usize, random: &mut Random) {
     });
 }
 
-fn prepare(workshop: &Workshop, problem: Problem) -> Result<(Task, Goal, u128), LimitError> {
-    let goal = Goal::Literals(literals(&problem.goal));
-    let task = open_task(workshop, problem)?;
-    let hash = hash_of(&task, &goal);
-    Ok((task, goal, hash))
+fn prepare(workshop: &Workshop, problem: Problem) -> Result<Prepared, LimitError> {
+    workshop.limits.start().check()?;
+    let literals = literals(&problem.goal);
+    let hash = hash_before_grounding(&workshop.domain, &problem, &literals);
+    Ok((problem, Goal::Literals(literals), hash))
 }
 
 /// The literals of a template's goal, which is a conjunction of them.
@@ -81,29 +79,32 @@ fn literal(part: &Condition) -> (Fact, bool) {
 
 /// The problem itself and, for some of the states its plans end in, the problem of reaching exactly that state; none where
 /// about `most` states do not lead to the goal.
+///
+/// # Errors
+/// When the work is interrupted.
 pub(super) fn solve(
-    config: &RecordConfig,
+    workshop: &Workshop,
     (source, most): (Source, usize),
     task: &Arc<Task>,
     goal: &Goal,
     family: u128,
     mut random: Random,
-) -> Vec<Shape> {
-    let ends = super::problems::goal_states(config, most, task, goal);
-    let Some((exploration, shortest, mut states)) = ends else { return Vec::new() };
+) -> Result<Vec<Shape>, LimitError> {
+    let ends = super::problems::goal_states(workshop, most, task, goal)?;
+    let Some((exploration, shortest, mut states)) = ends else { return Ok(Vec::new()) };
     let shape = |goal: Goal, states: &[usize], random: &mut Random| {
         let hash = hash_of(task, &goal);
-        super::problems::shape(config, source, task, goal, (&exploration, shortest, states), (hash, family), random)
+        super::problems::shape(workshop, source, task, goal, (&exploration, shortest, states), (hash, family), random)
     };
     let mut shapes = Vec::new();
-    if config.state_goal_share < 1.0 {
-        shapes.extend(shape(goal.clone(), &states, &mut random));
+    if workshop.config.state_goal_share < 1.0 {
+        shapes.extend(shape(goal.clone(), &states, &mut random)?);
     }
-    if config.state_goal_share > 0.0 {
+    if workshop.config.state_goal_share > 0.0 {
         random.shuffle(&mut states);
         for &state in states.iter().take(FINAL_STATES) {
-            shapes.extend(shape(Goal::State(exploration.states[state].clone()), &[state], &mut random));
+            shapes.extend(shape(Goal::State(exploration.states[state].clone()), &[state], &mut random)?);
         }
     }
-    shapes
+    Ok(shapes)
 }

@@ -134,7 +134,7 @@ impl SuccessorGenerator {
 
     /// Replaces the content of `found` by the applicable operators, ascending.
     #[inline]
-    pub(super) fn applicable_in(&self, words: &[u64], found: &mut Vec<u32>) {
+    pub(crate) fn applicable_in(&self, words: &[u64], found: &mut Vec<u32>) {
         found.clear();
         for (word, (&state, &watched)) in words.iter().zip(&self.watched).enumerate() {
             let mut bits = state & watched;
@@ -178,7 +178,7 @@ impl SuccessorGenerator {
 
     /// Writes the state after `operator` to `next`, which must hold a copy of `words`.
     #[inline]
-    pub(super) fn apply(&self, operator: u32, words: &[u64], next: &mut [u64]) {
+    pub(crate) fn apply(&self, operator: u32, words: &[u64], next: &mut [u64]) {
         let outcome = &self.effects[operator as usize];
         let changes = &self.changes[outcome.first as usize..outcome.last as usize];
         if outcome.conditional.is_empty() {
