@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import io
 import json
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -112,19 +113,23 @@ def shards(splits: list[tuple[str, int]], config: RunConfig) -> list[Shard]:
 
 def here(work: Work) -> Iterator[tuple[Shard, Digest]]:
     """Makes the shards that are missing on this machine; one is made while the one before is written."""
-    with ThreadPoolExecutor(1) as writer:
+    writer, stop = ThreadPoolExecutor(1), Event()
+    try:
         before: tuple[Shard, Future[Digest]] | None = None
         for shard in work.wanted:
             if shard.name in work.there:
                 future = writer.submit(_kept, work.store, shard.name)
             else:
                 batch = table(work.stream.batch(shard.split, shard.start, shard.stop))
-                future = writer.submit(write_table, work.store, shard.name, batch)
+                future = writer.submit(write_table, work.store, shard.name, batch, stop)
             if before is not None:
                 yield before[0], before[1].result()
             before = shard, future
         if before is not None:
             yield before[0], before[1].result()
+    finally:
+        stop.set()  # whoever interrupts waits for one row group at most
+        writer.shutdown(cancel_futures=True)
 
 
 def write_data_set(
@@ -234,9 +239,13 @@ def _kept(store: Store, name: str) -> Digest:
     return found
 
 
-def write_table(store: Store, name: str, batch: pa.Table) -> Digest:
-    """Writes a table in the format that its name ends with; gives what the file is."""
-    content = encode(batch, name.rpartition(".")[2])
+def write_table(store: Store, name: str, batch: pa.Table, stop: Event | None = None) -> Digest:
+    """Writes a table in the format that its name ends with; gives what the file is.
+
+    Raises:
+        CancelledError: `stop` was set meanwhile.
+    """
+    content = encode(batch, name.rpartition(".")[2], stop)
     store.write(name, content)
     return digest(content)
 
@@ -258,11 +267,27 @@ def _array(column: Any) -> pa.Array:
     return pa.Array.from_buffers(pa.string(), len(offsets) - 1, buffers)
 
 
-def encode(batch: pa.Table, extension: str) -> bytes:
-    """The file of a table, `parquet` or `jsonl`."""
-    if extension == "jsonl":
-        return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in batch.to_pylist()).encode()
+def encode(batch: pa.Table, extension: str, stop: Event | None = None) -> bytes:
+    """The file of a table, `parquet` or `jsonl`.
+
+    Raises:
+        CancelledError: `stop` was set meanwhile.
+    """
     sink = io.BytesIO()
+    if extension == "jsonl":
+        for part in _row_groups(batch, stop):
+            sink.writelines(f"{json.dumps(row, ensure_ascii=False)}\n".encode() for row in part.to_pylist())
+        return sink.getvalue()
     categories = [name for name in CATEGORIES if name in batch.column_names]
-    pq.write_table(batch, sink, compression="zstd", use_dictionary=categories, row_group_size=ROW_GROUP)
+    with pq.ParquetWriter(sink, batch.schema, compression="zstd", use_dictionary=categories) as file:
+        for part in _row_groups(batch, stop):
+            file.write_table(part)
     return sink.getvalue()
+
+
+def _row_groups(batch: pa.Table, stop: Event | None) -> Iterator[pa.Table]:
+    """The table cut into row groups, one at least, until `stop` is set."""
+    for start in range(0, max(batch.num_rows, 1), ROW_GROUP):
+        if stop is not None and stop.is_set():
+            raise CancelledError
+        yield batch.slice(start, ROW_GROUP)
