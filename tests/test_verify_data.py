@@ -12,7 +12,7 @@ import pytest
 
 from strips_lm.cli import main
 from strips_lm.storage import file_digest
-from strips_lm.suites import Found, shared
+from strips_lm.suites import Found, Hashes, shared
 from strips_lm.verify import _Checker, _stream
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def test_a_changed_file_with_its_hash_put_right_is_found(data: Path, capsys: pyt
 
 
 def test_what_a_suite_holds_out_must_not_be_trained() -> None:
-    trained = Found({"cup"}, {"lift"}, {"00"}, {"brew"}, {3, 4}, {5}, {5}, {1, 2})
+    trained = Found({"cup"}, {"lift"}, {"00"}, {"brew"}, {3, 4}, {5}, {5}, Hashes([1, 2]))
     assert not shared({"train": trained, "longer": Found(lengths={6}), "more-objects": Found(sizes={5})})
     assert shared({"train": trained, "longer": Found(lengths={5})})
     assert shared({"train": trained, "more-objects": Found(sizes={4})})
@@ -142,7 +142,9 @@ def test_what_a_suite_holds_out_must_not_be_trained() -> None:
     assert shared({"train": trained, "unseen-objects": Found(names={"cup"})})
     assert shared({"train": trained, "unseen-actions": Found(words={"lift"})})
     assert shared({"train": trained, "unseen-shapes": Found(problems={"00"})})
-    assert shared({"train": trained, "seen": Found(texts={2})})
+    twice = Found(texts=Hashes([3, 2, 2]))
+    assert shared({"train": trained, "seen": twice}) == ["seen: 1 records are in train as well"]
+    assert Hashes([3, 2, 3, 3]).repeated() == [2, 3]
 
 
 @pytest.fixture(scope="module")
