@@ -126,7 +126,9 @@ def invariances(results: Results) -> Table:
 
 def kinds(results: Results) -> Table:
     """The share of valid plans on the templates' problems and on random ones, where a suite has both."""
-    caption = "a suite mixes templates' problems with random ones; a template's are all alike but for names and positions"
+    caption = (
+        "a suite mixes templates' problems with random ones; a template's are all alike but for names and positions"
+    )
     table = Table(title="By kind of problem", caption=caption)
     for name in ("model", "suite", "decode", "templates %", "of", "random %", "of"):
         table.add_column(name, justify="right" if name[-1] in "%f" else "left", no_wrap=True)
