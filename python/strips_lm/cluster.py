@@ -102,7 +102,8 @@ def _connect(ray: Any) -> None:
         ray.init(logging_level=logging.ERROR, log_to_driver=False, include_dashboard=False)
     except (OSError, RuntimeError, ValueError) as error:
         where = f"the cluster at {address}" if address else "a cluster of this machine alone"
-        raise ClusterError(f"Ray cannot use {where}: {' '.join(str(error).split())}") from error
+        hint = "\nhint: does it ask for a token? RAY_AUTH_MODE=token, as docs/cluster.md says" if address else ""
+        raise ClusterError(f"Ray cannot use {where}: {' '.join(str(error).split())}{hint}") from error
 
 
 def _refuse_silent(ray: Any, address: str) -> None:
