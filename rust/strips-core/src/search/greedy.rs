@@ -121,11 +121,12 @@ pub fn without_detours(
     let mut at = 0;
     while at < plan.len() {
         match without_step(task, generator, goal, &plan, at) {
-            Some(shorter) => plan = shorter,
+            // A step that was needed before need not be any more.
+            Some(shorter) => (plan, at) = (without_loops(task, generator, &shorter), 0),
             None => at += 1,
         }
     }
-    without_loops(task, generator, &plan)
+    plan
 }
 
 fn without_loops(task: &Task, generator: &SuccessorGenerator, plan: &[OperatorId]) -> Vec<OperatorId> {

@@ -11,7 +11,7 @@ use crate::random_task::random_task;
 const ALL: usize = 1000;
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(crate::laws::config())]
 
     #[test]
     fn a_greedy_search_finds_a_plan_exactly_where_there_is_one(task in random_task()) {

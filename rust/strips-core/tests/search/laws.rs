@@ -16,7 +16,8 @@ use crate::random_task::random_task;
 
 pub const ALL: [Semantics; 3] = [Semantics::FirstGoal, Semantics::Any, Semantics::Simple];
 
-fn config() -> ProptestConfig {
+/// As many tasks as `STRIPS_LM_TASKS` says.
+pub fn config() -> ProptestConfig {
     let tasks = std::env::var("STRIPS_LM_TASKS").ok().and_then(|text| text.parse().ok()).unwrap_or(2000);
     ProptestConfig { cases: tasks, failure_persistence: None, ..ProptestConfig::default() }
 }
