@@ -11,12 +11,22 @@ import pytest
 pytest.importorskip("torch").set_num_threads(1)
 
 from blocks_data import write as write_blocks  # noqa: E402
+from strips_lm.config import ConfigError, RunConfig  # noqa: E402
 from strips_lm.dataset import DataSetError, open_split, texts  # noqa: E402
 from strips_lm.own_negatives import OwnNegative, with_negatives, write  # noqa: E402
 from strips_lm.tokenizer import BpeTokenizer  # noqa: E402
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from strips_lm.dataset import PlanDataset
+
+
+def blocks(folder: Path) -> tuple[Path, BpeTokenizer, PlanDataset]:
+    """A data set of 20 training records, its tokenizer and its training split."""
+    write_blocks(folder, train=20, validation=4)
+    tokenizer = BpeTokenizer.train(list(texts(folder)), 300)
+    return folder, tokenizer, open_split(folder, "train", tokenizer, 512)
 
 
 def rows_of(folder: Path, count: int) -> list[OwnNegative]:
@@ -26,9 +36,7 @@ def rows_of(folder: Path, count: int) -> list[OwnNegative]:
 
 
 def test_only_the_files_records_get_other_negatives(tmp_path: Path) -> None:
-    folder = write_blocks(tmp_path / "data", train=20, validation=4)
-    tokenizer = BpeTokenizer.train(list(texts(folder)), 300)
-    data = open_split(folder, "train", tokenizer, 512)
+    folder, tokenizer, data = blocks(tmp_path / "data")
     rows = rows_of(folder, 3)
     write(tmp_path / "own.parquet", rows)
     changed = with_negatives(data, tmp_path / "own.parquet", tokenizer, 512)
@@ -43,9 +51,7 @@ def test_only_the_files_records_get_other_negatives(tmp_path: Path) -> None:
 
 
 def test_a_share_leaves_others_out(tmp_path: Path) -> None:
-    folder = write_blocks(tmp_path / "data", train=20, validation=4)
-    tokenizer = BpeTokenizer.train(list(texts(folder)), 300)
-    data = open_split(folder, "train", tokenizer, 512)
+    folder, tokenizer, data = blocks(tmp_path / "data")
     rows = rows_of(folder, 3)
     write(tmp_path / "own.parquet", rows)
     own = {row.index for row in rows}
@@ -55,10 +61,13 @@ def test_a_share_leaves_others_out(tmp_path: Path) -> None:
         assert len(kept) == len(set(kept.tolist())) == total
 
 
+def test_a_share_without_a_file_is_refused() -> None:
+    with pytest.raises(ConfigError, match="needs `train.own_negatives`"):
+        RunConfig.load("tiny", ["train.own_share=0.5"])
+
+
 def test_another_prompt_or_no_record_is_refused(tmp_path: Path) -> None:
-    folder = write_blocks(tmp_path / "data", train=20, validation=4)
-    tokenizer = BpeTokenizer.train(list(texts(folder)), 300)
-    data = open_split(folder, "train", tokenizer, 512)
+    folder, tokenizer, data = blocks(tmp_path / "data")
     row = rows_of(folder, 1)[0]
     for index, prompt, complaint in ((row.index, row.prompt + ",", "another prompt"), (10**6, row.prompt, "none of")):
         write(tmp_path / "own.parquet", [OwnNegative(index, prompt, row.words, row.negative, "inapplicable")])

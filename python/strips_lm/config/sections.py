@@ -246,6 +246,7 @@ class TrainConfig:
         check(min(self.step_tokens, self.batch_tokens) > 0, "`train.step_tokens` and `train.batch_tokens` are positive")
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
+        check(bool(self.own_negatives) or not self.own_share, "`train.own_share` needs `train.own_negatives`")
         for share in ("mc_share", "own_share", "offset_share", "renumber_share"):
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 

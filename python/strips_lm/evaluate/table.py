@@ -108,9 +108,8 @@ def failures(results: Results) -> Table:
 
 def tables(results: Results) -> list[Table]:
     """Everything that was found, Table 1 last; no table is empty."""
-    rest = [failures(results), likelihoods(results), invariances(results), gaps(results), kinds(results)]
-    rest.append(summary(results))
-    return [table for table in rest if table.row_count]
+    every = (failures, likelihoods, invariances, gaps, kinds, summary)
+    return [table for table in (make(results) for make in every) if table.row_count]
 
 
 def invariances(results: Results) -> Table:
@@ -131,7 +130,7 @@ def kinds(results: Results) -> Table:
     )
     table = Table(title="By kind of problem", caption=caption)
     for name in ("model", "suite", "decode", "templates %", "of", "random %", "of"):
-        table.add_column(name, justify="right" if name[-1] in "%f" else "left", no_wrap=True)
+        table.add_column(name, justify="left" if name in {"model", "suite", "decode"} else "right", no_wrap=True)
     for s in results.scores:
         drawn = s.by_template.get(RANDOM)
         told = [sum(counts) for counts in zip(*(c for t, c in s.by_template.items() if t != RANDOM), strict=True)]
