@@ -120,6 +120,14 @@ def test_words_are_shared_and_the_domain_says_how_many_objects_they_take(data: P
         again.of_domain(_native.Domain.parse("(define (domain d) (:predicates (p)))"))
 
 
+def test_a_tokenizer_of_one_domain_takes_parts_of_it_and_nothing_else(data: Path) -> None:
+    one = CanonicalTokenizer.of_data(data / "hanoi", 32, "difference")
+    assert one.of_domain(domain(data / "hanoi")) is one
+    assert one.of_domain(_native.Domain.parse("(define (domain part) (:predicates))")) is one
+    with pytest.raises(TokenizerError, match=r"trained on `hanoi`, and .* of `ferry` are not the same"):
+        one.of_domain(domain(data / "ferry"))
+
+
 def test_a_mixtures_records_are_those_of_its_data_sets_spread_evenly(data: Path) -> None:
     tokenizer = CanonicalTokenizer.of_data(data, 32, "difference")
     mixed = open_data(data, "train", tokenizer, 400)

@@ -62,7 +62,7 @@ def test_a_share_leaves_others_out(tmp_path: Path) -> None:
 
 
 def test_a_share_without_a_file_is_refused() -> None:
-    with pytest.raises(ConfigError, match="needs `train.own_negatives`"):
+    with pytest.raises(ConfigError, match=r"needs `train\.own_negatives`"):
         RunConfig.load("tiny", ["train.own_share=0.5"])
 
 

@@ -120,7 +120,8 @@ def _find(domain: str) -> dict[str, Any]:
             raise ConfigError(f"{domain}: there is no domain.pddl in this folder")
         return _folder_files(path)
     if domain not in built_in_domains():
-        raise ConfigError(f"no domain `{domain}`{suggestion(domain, built_in_domains())}")
+        others = f"\nhint: a PDDL file, a folder, or one of {', '.join(built_in_domains())}"
+        raise ConfigError(f"no domain `{domain}`{suggestion(domain, built_in_domains()) or others}")
     return _folder_files(_package_folder() / domain)
 
 

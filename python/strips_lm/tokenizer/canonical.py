@@ -63,11 +63,14 @@ class CanonicalTokenizer:
         """The same tokens for texts of one of the domains.
 
         Raises:
-            TokenizerError: there are several, and it is none of them.
+            TokenizerError: there are several, and it is none of them; or there is one, and it lacks a predicate or an
+                action of the domain.
         """
-        if len(self.domains) == 1:
-            return self
         asked = signature(domain)
+        if len(self.domains) == 1:
+            if any(set(new) - set(known) for new, known in zip(asked, self.domains[0][1], strict=True)):
+                raise TokenizerError(self.not_trained_on(domain))
+            return self
         number = next((number for number, (_, known) in enumerate(self.domains) if known == asked), None)
         if number is None:
             raise TokenizerError(self.not_trained_on(domain))
