@@ -10,11 +10,10 @@ two CPU cores and cost nothing on a GPU:
   and the head never see prompts.
 
 Rows are padded on the right, so that causal attention needs no mask besides the triangle. Rows of unlike length come
-as several blocks, one behind the other: attention sees a block at a time, everything else all tokens at once, and
-each block is padded to its own longest row alone. What a layer does on either side of attention is two functions of
-(tokens, width), which `torch.compile` may take: they see one varying size, whatever the blocks are. It knows nothing of
-losses, batches or devices. Rejected:
-computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter of the
+as several blocks, one behind the other: attention sees a block at a time, everything else all tokens at once. Each
+block is padded to its own longest row alone, and all tokens together to a multiple of `GRAIN`. What a layer does on
+either side of attention is two functions of (tokens, width), which `torch.compile` may take: they see one varying size,
+whatever the blocks are. It knows nothing of losses, batches or devices. Rejected: computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter of the
 linear work and loses as much in attention over the longer rows.
 """
 
@@ -36,6 +35,11 @@ if TYPE_CHECKING:
     Blocks = Sequence[tuple[int, ...]]
 
 
+GRAIN = 128
+"""Matrix products get a multiple of this many rows: oneDNN makes its bfloat16 kernels anew for each number of rows that
+it has not met, which takes ten times as long as the product itself, and there are only so many multiples."""
+
+
 def hidden_at(
     transformer: Any,
     input_ids: Tensor,
@@ -52,7 +56,9 @@ def hidden_at(
     gradients are recorded.
     """
     blocks = blocks or (tuple(input_ids.shape),)
-    hidden = _embed(transformer, input_ids, position_ids).to(dtype).view(input_ids.numel(), -1)
+    scored = len(at)
+    hidden = rounded(_embed(transformer, input_ids, position_ids).to(dtype).view(input_ids.numel(), -1))
+    at = F.pad(at, (0, -scored % GRAIN))
     last = len(transformer.h) - 1
     sides = compiled_sides() if compiled and torch.is_grad_enabled() else Sides(_before, _after)
     for index, block in enumerate(transformer.h):
@@ -60,7 +66,12 @@ def hidden_at(
         if index == last:
             attended, hidden = attended[at], hidden[at]
         hidden = sides.after(block, hidden, attended)
-    return _norm(transformer.ln_f, hidden)
+    return _norm(transformer.ln_f, hidden[:scored])
+
+
+def rounded(rows: Tensor) -> Tensor:
+    """(n, width) with zeros below, up to a multiple of `GRAIN` rows."""
+    return F.pad(rows, (0, 0, 0, -len(rows) % GRAIN))
 
 
 class Sides(NamedTuple):
@@ -92,13 +103,17 @@ def _embed(transformer: Any, input_ids: Tensor, position_ids: Tensor) -> Tensor:
 
 
 def _attend(attention: Any, parts: Tensor, blocks: Blocks) -> Tensor:
-    """Causal self-attention of (tokens, 3 * width), block by block, before the output projection."""
+    """Causal self-attention of (tokens, 3 * width), block by block, before the output projection.
+
+    Rows behind the last block are no tokens: they only keep their place.
+    """
     dtype = parts.dtype
     if parts.device.type == "cpu" and dtype == torch.bfloat16:
         parts = parts.float()
-    pieces = torch.split(parts, [rows * length for rows, length in blocks]) if len(blocks) > 1 else (parts,)
+    sizes = [rows * length for rows, length in blocks]
+    *pieces, behind = torch.split(parts, [*sizes, len(parts) - sum(sizes)])
     mixed = [_attend_block(attention, piece, *block) for piece, block in zip(pieces, blocks, strict=True)]
-    return (torch.cat(mixed) if len(mixed) > 1 else mixed[0]).to(dtype)
+    return torch.cat([*mixed, behind[:, : mixed[0].shape[1]]]).to(dtype)
 
 
 def _attend_block(attention: Any, parts: Tensor, rows: int, length: int) -> Tensor:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch.nn import functional as F
 
-from strips_lm.forward import hidden_at
+from strips_lm.forward import hidden_at, rounded
 from strips_lm.lstm import LstmLMHeadModel
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: 
 def _lm_sum(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:
     weight = model.lm_head.weight.to(hidden.dtype)
     bias = getattr(model.lm_head, "bias", None)
-    logits = F.linear(hidden, weight, None if bias is None else bias.to(hidden.dtype))
+    logits = F.linear(rounded(hidden), weight, None if bias is None else bias.to(hidden.dtype))[: len(hidden)]
     return F.cross_entropy(logits.to(_weight_type(model)), labels, reduction="sum")
 
 
