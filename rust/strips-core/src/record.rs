@@ -12,6 +12,7 @@ mod draw;
 mod exploration;
 mod given_problems;
 mod large_problems;
+mod midway_problems;
 mod problems;
 mod random_problems;
 mod shape;

@@ -50,6 +50,8 @@ pub struct RecordConfig {
     pub template_share: f64,
     /// The same share for training and validation.
     pub train_template_share: f64,
+    /// Share of training's problems of two steps and more that are trained from midway, too.
+    pub midway_share: f64,
     /// In training and validation a problem is as likely as its shortest plan's steps to this power.
     pub train_steps_power: u32,
     /// Share of problems whose goal is the whole final state.
@@ -152,11 +154,12 @@ impl RecordConfig {
         self.check_negatives()
     }
 
-    fn shares(&self) -> [(&'static str, f64); 10] {
+    fn shares(&self) -> [(&'static str, f64); 11] {
         [
             ("validation_share", self.validation_share),
             ("template_share", self.template_share),
             ("train_template_share", self.train_template_share),
+            ("midway_share", self.midway_share),
             ("state_goal_share", self.state_goal_share),
             ("paper_share", self.paper_share),
             ("words_share", self.words_share),

@@ -9,6 +9,7 @@ use super::config::{ConfigMistake, RecordConfig};
 use super::draw::Book;
 use super::given_problems::{self, Given};
 use super::large_problems;
+use super::midway_problems::midway;
 use super::problems::Workshop;
 use super::random_problems::{self, Start, Wanted};
 use super::shape::Shape;
@@ -102,7 +103,8 @@ impl RecordStream {
         let held_out = held_out(&parts.templates, &config)?;
         let workshop = Workshop { domain: parts.domain.clone(), config: &config, limits };
         let (given, left_out) = given_problems::shapes(&workshop, &parts.given)?;
-        let solved = solve(&workshop, &parts, given)?;
+        let mut solved = solve(&workshop, &parts, given)?;
+        solved.midway = midways(&workshop, &solved, &held_out)?;
         let pools = Pools::new(solved, &held_out, &config);
         if pools.of(Split::Train).groups.is_empty() {
             return Err(RecordError::NoProblems { domain: parts.domain.name.clone() });
@@ -260,6 +262,17 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
         }
     }
     Ok(solved)
+}
+
+/// Problems from midway of those that training may have.
+fn midways(workshop: &Workshop, solved: &Solved, held_out: &[usize]) -> Result<Vec<Shape>, LimitError> {
+    if workshop.config.midway_share <= 0.0 {
+        return Ok(Vec::new());
+    }
+    let kept = solved.templates.iter().enumerate().filter(|(number, _)| !held_out.contains(number));
+    let whole: Vec<&Shape> = kept.flat_map(|(_, shapes)| shapes).chain(&solved.given).chain(&solved.random).collect();
+    let found = whole.par_iter().map(|shape| midway(workshop, shape)).collect::<Result<Vec<_>, _>>()?;
+    Ok(found.into_iter().flatten().collect())
 }
 
 /// The template of `large`, of the sizes that the configuration asks for.

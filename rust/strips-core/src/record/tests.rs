@@ -50,6 +50,7 @@ pub(super) fn config() -> RecordConfig {
         states_per_start: 300,
         template_share: 0.5,
         train_template_share: 0.25,
+        midway_share: 0.5,
         train_steps_power: 1,
         state_goal_share: 0.5,
         paper_share: 0.2,

@@ -1,0 +1,56 @@
+//! Problems from midway: the goal of a trained problem, from a state on the way to it.
+//!
+//! Templates start from a few initial states each, so that a model may learn what such a problem always takes (open the
+//! box, then fetch) instead of reading whether the box is open. From midway it has to look.
+
+use std::sync::Arc;
+
+use super::problems::{Workshop, goal_states, open_task, shape};
+use super::shape::{Shape, hash_of};
+use crate::negative::Goal;
+use crate::pddl::ast::Problem;
+use crate::task::{LimitError, State, Task};
+
+/// The same goal from a drawn state strictly between both ends of one of the problem's plans, solved; none where the
+/// problem is not drawn, or has no such state.
+///
+/// # Errors
+/// When the work is interrupted.
+pub(super) fn midway(workshop: &Workshop, whole: &Shape) -> Result<Option<Shape>, LimitError> {
+    let mut random = workshop.random(&format!("midway {:x}", whole.hash));
+    if !random.chance(workshop.config.midway_share) {
+        return Ok(None);
+    }
+    let plan = random.choice(&whole.plans);
+    if plan.len() < 2 {
+        return Ok(None);
+    }
+    let mut state = whole.task.init.clone();
+    for operator in &plan[..1 + random.below(plan.len() - 1)] {
+        state = whole.task.apply(&whole.task.operators[operator.index()], &state);
+    }
+    let problem = Problem { init: whole.task.atoms(&state), ..(*whole.task.problem).clone() };
+    let task = Arc::new(open_task(workshop, problem)?);
+    let goal = match &whole.goal {
+        Goal::State(state) => Goal::State(carried(&whole.task, state, &task)),
+        literals @ Goal::Literals(_) => literals.clone(),
+    };
+    let Some((exploration, shortest, states)) = goal_states(workshop, usize::MAX, &task, &goal)? else {
+        return Ok(None);
+    };
+    let hash = hash_of(&task, &goal);
+    let ends = (&exploration, shortest, &states[..]);
+    shape(workshop, whole.source, &task, goal, ends, (hash, whole.family), &mut random)
+}
+
+/// A state of one task as a state of another that can reach it.
+fn carried(from: &Task, state: &State, to: &Task) -> State {
+    let mut carried = State::empty(to.facts.len());
+    for atom in from.atoms_of(state) {
+        if let Ok(id) = to.facts.binary_search(atom) {
+            carried.set(id.into(), true);
+        }
+    }
+    to.derive(&mut carried);
+    carried
+}
