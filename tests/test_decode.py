@@ -77,6 +77,18 @@ def test_batch_size_and_threads_do_not_change_the_text(model: Any, prompts: list
         assert [g.tokens for g in ours(model, prompts, rows, choose, workers=workers)] == alone
 
 
+def test_a_pause_ends_a_row_unless_it_is_its_first_token(model: Any, prompts: list[list[int]]) -> None:
+    pause = theirs(model, prompts[0])[0]
+    limits = Limits(stop=STOP, max_new=30, pause=pause)
+    paused = Loop(Gpt2Decoder(model, 8), Greedy(), limits).run(jobs_of(prompts))
+    for ids, made in zip(prompts, paused, strict=True):
+        whole = theirs(model, ids)
+        cut = next((at for at, token in enumerate(whole) if at and token == pause), len(whole))
+        assert made.tokens == whole[:cut]
+        assert made.finished == (whole[:cut][-1] == STOP)
+    assert any(len(made.tokens) < len(theirs(model, ids)) for ids, made in zip(prompts, paused, strict=True))
+
+
 def test_no_text_passes_the_context(model: Any) -> None:
     long = [1, 2, 3] * 20
     (made,) = ours(model, [long], rows=2, max_new=500)

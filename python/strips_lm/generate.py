@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 import torch
@@ -30,6 +30,7 @@ from strips_lm.guide import OracleGuide
 from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
+from strips_lm.replan import replan
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
     """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
 
-Decode = Literal["greedy", "sample", "beam", "best-of-k", "masked", "search"]
+Decode = Literal["greedy", "sample", "beam", "best-of-k", "replan", "masked", "search"]
 """The ways of decoding."""
 
 DECODES: tuple[str, ...] = get_args(Decode)
@@ -164,6 +165,9 @@ class Planner:
             drawn = self.draw(prompts, tick)
             return self.choose(prompts, drawn, self.config.rerank, judge)
         started = time.perf_counter()
+        if decode == "replan":
+            completions = replan(prompts, self._first_steps, self.config.max_new, tick)
+            return Batch(completions, sum(c.tokens for c in completions), time.perf_counter() - started)
         ids, legends = self.tokenizer.encode_prompts(prompts)
         made = self._guided(ids, legends, decode, tasks, tick) if decode in GUIDED else self._decode(ids, decode, tick)
         completions = self._texts(ids, legends, made)
@@ -222,6 +226,16 @@ class Planner:
             for index, score in zip(part, found, strict=True):
                 scores[index] = score
         return scores
+
+    def _first_steps(self, prompts: Sequence[str]) -> list[Completion]:
+        """Of each prompt the likeliest continuation up to its second action; nothing where the prompt is too long."""
+        ids, legends = self.tokenizer.encode_prompts(prompts)
+        limits = replace(self._limits(), pause=self.tokenizer.hf.convert_tokens_to_ids("<ACTION>"))
+        jobs = [Job(i, 0, row) for i, row in enumerate(ids) if len(row) < self.model_context]
+        made = run_jobs(jobs, lambda: Loop(self._decoder(self.config.rows), Greedy(), limits), self.workers)
+        written = {g.prompt: g for g in made}
+        nothing = Generation(0, 0, [], finished=False, log_probability=0.0)
+        return self._texts(ids, legends, [written.get(i, nothing) for i in range(len(ids))])
 
     def _decode(
         self,

@@ -47,6 +47,8 @@ class Limits:
     """The token that ends a text; it is kept as the last token."""
     max_new: int = 500
     """At most this many new tokens."""
+    pause: int | None = None
+    """A token before which a row ends, unless it is the row's first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +110,12 @@ class _Rows:
         for source, target in zip(sources, targets, strict=True):
             self.jobs[target] = self.jobs[source]
 
-    def take(self, row: int, stop: int) -> Generation:
+    def take(self, row: int, limits: Limits) -> Generation:
         """The finished row as a value."""
         job, tokens = self.jobs[row], self.tokens[row, : int(self.made[row])].tolist()
-        finished = bool(tokens) and tokens[-1] == stop
+        if len(tokens) > 1 and tokens[-1] == limits.pause:
+            tokens.pop()
+        finished = bool(tokens) and tokens[-1] == limits.stop
         return Generation(job.prompt, job.draw, tokens, finished, float(self.score[row]))
 
 
@@ -181,10 +185,12 @@ class Loop:
         n = len(self.rows.jobs)
         full = self.decoder.lengths[:n] >= self.decoder.context
         ended = (tokens == self.limits.stop) | full | (self.rows.made[:n] >= self.limits.max_new).to(self.device)
+        if self.limits.pause is not None:
+            ended |= (tokens == self.limits.pause) & (self.rows.made[:n] > 1).to(self.device)
         if not bool(ended.any()):
             return tokens
         for row in ended.nonzero()[:, 0].tolist():
-            self._report(self.rows.take(row, self.limits.stop), done)
+            self._report(self.rows.take(row, self.limits), done)
         return self._compact(tokens, ended)
 
     def _report(self, made: Generation, done: dict[tuple[int, int], Generation]) -> None:
