@@ -84,6 +84,25 @@ def test_the_head_chooses_by_its_own_logit(checkpoint: Path) -> None:
     assert [c.text for c in chosen.completions] == [drawn.texts[i].text for i in best]
 
 
+def test_the_head_reads_texts_that_fill_the_context(checkpoint: Path) -> None:
+    made = planner(checkpoint, "generate.max_new=600").complete(PROMPTS, "best-of-k")
+    longest = max(c.tokens for c in made.completions)
+    assert longest > 400, "an untrained model seldom ends"
+
+
+def test_planning_anew_asks_from_the_state_that_was_written(checkpoint: Path) -> None:
+    found = planner(checkpoint)
+    made = found.complete(PROMPTS, "replan")
+    first = [step[0] for step in found._first_steps(PROMPTS, 1)]
+    for whole, step in zip(made.completions, first, strict=True):
+        assert whole.text.startswith(step.text)
+        assert step.text.count("<ACTION>") <= 1
+    drawn = found._first_steps(PROMPTS, 3)
+    assert all(len(steps) == 3 for steps in drawn)
+    scores = [[step.log_probability for step in steps] for steps in drawn]
+    assert scores == [sorted(found, reverse=True) for found in scores]
+
+
 def test_an_unknown_way_of_decoding_is_suggested(checkpoint: Path) -> None:
     with pytest.raises(ConfigError, match="did you mean `greedy`"):
         planner(checkpoint).complete(PROMPTS, "gredy")

@@ -25,6 +25,7 @@ from strips_lm.evaluate.suites import DataFolder  # noqa: E402
 from strips_lm.generate import GUIDED, Batch, Planner  # noqa: E402
 from strips_lm.guide import Tasks  # noqa: E402
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
+from strips_lm.replan import Encoded  # noqa: E402
 from strips_lm.tokenizer import BpeTokenizer, CanonicalTokenizer  # noqa: E402
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def test_batch_size_and_threads_do_not_change_the_plans(
 def test_what_the_mask_removed_is_the_models_own_probability(questions: Questions) -> None:
     found = planner(3)
     ids, legends = found.tokenizer.encode_prompts(questions.prompts)
-    made = found._guided(ids, legends, "masked", questions.oracle())
+    made = found._guided(Encoded(questions.prompts, ids, legends), "masked", questions.oracle())
     for number, generation in enumerate(made):
         total, choices = slow_replay(found, questions, number, legends[number], list(map(int, ids[number])), generation)
         assert generation.choices == choices
@@ -181,6 +182,48 @@ def slow_replay(
         forced = [made[0], *guide.advance([0], [made[0]])[0]]
 
 
+def test_after_each_step_the_model_reads_the_state_in_a_new_prompt(questions: Questions) -> None:
+    found, words = planner(3), tokenizer()
+    made = found.complete(questions.prompts, "masked-replan", tasks=questions.oracle()).completions
+    plain = found.complete(questions.prompts, "masked", tasks=questions.oracle()).completions
+    for prompt, task, completion in zip(questions.prompts, questions.tasks, made, strict=True):
+        steps, choices = completion.text.split(" <ACTION> "), 0
+        guide = _native.MaskedDecoder(words.codec, words.words)
+        legend = words.encode_prompts([prompt])[1][0]
+        _, ((*forced,),) = guide.add([task], [legend])
+        (text,) = words.encode_prompts([prompt])[0]
+        text, left = list(map(int, text)), list(completion.ids)
+        while True:
+            assert left[: len(forced)] == forced
+            said, left = left[: len(forced)], left[len(forced) :]
+            done = [i for i, token in enumerate(said) if i and token == words.ids["<ACTION>"]]
+            if done:
+                here = len(completion.ids) - len(left) - len(said) + done[-1]
+                step = list(completion.ids)[:here].count(words.ids["<ACTION>"])
+                state = steps[step - 1].rpartition("<STATE> ")[2]
+                renewed = prompt.rpartition("<INIT> ")[0] + f"<INIT> {state}"
+                text, said = list(map(int, words.encode_prompts([renewed])[0][0])), said[done[-1] :]
+            text += said
+            if not left:
+                break
+            mask = torch.from_numpy(guide.mask([0])[0])
+            with torch.no_grad():
+                share = found.model(torch.tensor([text])).logits[0, -1].softmax(-1)
+            assert int((share * mask).argmax()) == left[0]
+            choices += 1
+            forced = [left[0], *guide.advance([0], [left[0]])[0]]
+        assert completion.choices == choices
+    assert [c.text for c in made] != [c.text for c in plain]
+
+
+def test_renewing_needs_prompts_that_list_their_objects(questions: Questions) -> None:
+    bare = [
+        prompt.replace(prompt[prompt.index("<OBJECTS>") : prompt.index("<GOAL>")], "") for prompt in questions.prompts
+    ]
+    with pytest.raises(ConfigError, match="list their objects"):
+        planner().complete(bare, "masked-replan", tasks=questions.oracle())
+
+
 @pytest.mark.parametrize("decode", GUIDED)
 def test_a_text_without_room_is_cut_after_a_whole_step(questions: Questions, decode: str) -> None:
     longest = max(len(ids) for ids in tokenizer().encode_prompts(questions.prompts)[0])
@@ -191,7 +234,8 @@ def test_a_text_without_room_is_cut_after_a_whole_step(questions: Questions, dec
         made = found.complete(questions.prompts, decode, tasks=questions.oracle())
         judged = questions.judge(made)
         for row, completion, judgement in zip(ids, made.completions, judged, strict=True):
-            assert completion.tokens <= min(config.max_new, model.config.n_positions + 1 - len(row))
+            room = config.max_new if decode == "masked-replan" else model.config.n_positions + 1 - len(row)
+            assert completion.tokens <= min(config.max_new, room)
             assert judgement.executable_steps == judgement.steps == judgement.states_right
             assert completion.finished == judgement.verdict.is_valid
         assert any(not c.finished for c in made.completions)

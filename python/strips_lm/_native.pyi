@@ -15,6 +15,7 @@ __all__ = [
     "Completion",
     "DataError",
     "Domain",
+    "Judge",
     "Judgement",
     "Legend",
     "LimitError",
@@ -375,13 +376,33 @@ class Judgement:
     def first_wrong_state(self) -> int | None:
         """The step, from 1, after which the first wrong state stands; `None` where all are right."""
 
+@final
+class Judge:
+    """Prompts' problems, read and grounded once, to judge any number of generated texts against."""
+
+    def __new__(cls, domain: Domain, problems: Sequence[str], words: Sequence[dict[str, str]]) -> Judge:
+        """`words[i]` gives the domain's action or predicate for a word of the texts for `problems[i]` (PDDL).
+
+        Raises:
+            PddlError: a problem is wrong.
+            LimitError: a problem is too large.
+            ValueError: the lists differ in length.
+        """
+    def judge(self, numbers: Sequence[int], completions: Sequence[str]) -> list[Judgement]:
+        """Judges texts in parallel, each for the problem of its number.
+
+        Parses each, maps its words back to the domain's, validates the plan and compares its states with the true ones.
+
+        Raises:
+            ValueError: the lists differ in length.
+            IndexError: there is no problem of a number.
+        """
+    def __len__(self) -> int: ...
+
 def judge(
     domain: Domain, problems: Sequence[str], completions: Sequence[str], words: Sequence[dict[str, str]]
 ) -> list[Judgement]:
-    """Judges generated texts in parallel.
-
-    Parses each, maps its words back to the domain's actions and predicates by `words`, validates the plan against its
-    own problem (PDDL text) and compares its states with the true ones.
+    """Judges generated texts, each for a problem of its own: `Judge(domain, problems, words)`, used once.
 
     Raises:
         PddlError: a problem is wrong.

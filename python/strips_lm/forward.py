@@ -13,8 +13,10 @@ Rows are padded on the right, so that causal attention needs no mask besides the
 as several blocks, one behind the other: attention sees a block at a time, everything else all tokens at once. Each
 block is padded to its own longest row alone, and all tokens together to a multiple of `GRAIN`. What a layer does on
 either side of attention is two functions of (tokens, width), which `torch.compile` may take: they see one varying size,
-whatever the blocks are. It knows nothing of losses, batches or devices. Rejected: computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter of the
-linear work and loses as much in attention over the longer rows.
+whatever the blocks are. It knows nothing of losses, batches or devices.
+
+Rejected: computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter
+of the linear work and loses as much in attention over the longer rows.
 """
 
 from __future__ import annotations

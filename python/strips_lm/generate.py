@@ -30,7 +30,7 @@ from strips_lm.guide import OracleGuide
 from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
-from strips_lm.replan import replan
+from strips_lm.replan import Encoded, Renewal, replan
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -45,12 +45,12 @@ if TYPE_CHECKING:
     Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
     """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
 
-Decode = Literal["greedy", "sample", "beam", "best-of-k", "replan", "masked", "search"]
+Decode = Literal["greedy", "sample", "beam", "best-of-k", "replan", "masked", "masked-replan", "search"]
 """The ways of decoding."""
 
 DECODES: tuple[str, ...] = get_args(Decode)
 
-GUIDED = ("masked", "search")
+GUIDED = ("masked", "masked-replan", "search")
 """Of these, the ones in which the oracle says what may come next."""
 
 Rerank = Literal["head", "likelihood", "oracle"]
@@ -166,11 +166,11 @@ class Planner:
             return self.choose(prompts, drawn, self.config.rerank, judge)
         started = time.perf_counter()
         if decode == "replan":
-            completions = replan(prompts, self._first_steps, self.config.max_new, tick)
+            completions = replan(prompts, self._first_steps, self.config.samples, self.config.max_new, tick)
             return Batch(completions, sum(c.tokens for c in completions), time.perf_counter() - started)
-        ids, legends = self.tokenizer.encode_prompts(prompts)
-        made = self._guided(ids, legends, decode, tasks, tick) if decode in GUIDED else self._decode(ids, decode, tick)
-        completions = self._texts(ids, legends, made)
+        asked = Encoded(prompts, *self.tokenizer.encode_prompts(prompts))
+        made = self._guided(asked, decode, tasks, tick) if decode in GUIDED else self._decode(asked.ids, decode, tick)
+        completions = self._texts(asked.ids, asked.legends, made)
         return Batch(completions, sum(len(g.tokens) for g in made), time.perf_counter() - started)
 
     def draw(self, prompts: Sequence[str], tick: Callable[[int], None] | None = None) -> Drawn:
@@ -227,15 +227,29 @@ class Planner:
                 scores[index] = score
         return scores
 
-    def _first_steps(self, prompts: Sequence[str]) -> list[Completion]:
-        """Of each prompt the likeliest continuation up to its second action; nothing where the prompt is too long."""
+    def _first_steps(self, prompts: Sequence[str], draws: int) -> list[list[Completion]]:
+        """Continuations of each prompt up to its second action, the likeliest first; nothing where it is too long.
+
+        One is the greedy one, more are drawn.
+        """
         ids, legends = self.tokenizer.encode_prompts(prompts)
-        limits = replace(self._limits(), pause=self.tokenizer.hf.convert_tokens_to_ids("<ACTION>"))
-        jobs = [Job(i, 0, row) for i, row in enumerate(ids) if len(row) < self.model_context]
-        made = run_jobs(jobs, lambda: Loop(self._decoder(self.config.rows), Greedy(), limits), self.workers)
-        written = {g.prompt: g for g in made}
-        nothing = Generation(0, 0, [], finished=False, log_probability=0.0)
-        return self._texts(ids, legends, [written.get(i, nothing) for i in range(len(ids))])
+        action: Any = self.tokenizer.hf.convert_tokens_to_ids("<ACTION>")
+        limits = replace(self._limits(), pause=action)
+        config = self.config
+        choose = Greedy() if draws == 1 else Sample(config.top_k, config.top_p, config.temperature)
+        rows: list[Any] = list(ids)
+        jobs = [Job(i, k, row) for i, row in enumerate(rows) if len(row) < self.model_context for k in range(draws)]
+
+        def loop() -> Loop:
+            return Loop(self._decoder(config.rows), choose, limits, seed=self.seed, score=draws > 1)
+
+        made = run_jobs(jobs, loop, self.workers)
+        texts = self._texts([ids[g.prompt] for g in made], [legends[g.prompt] for g in made], made)
+        steps: list[list[Completion]] = [[] for _ in prompts]
+        for g, text in zip(made, texts, strict=True):
+            steps[g.prompt].append(text)
+        nothing = Completion("", 0, finished=False, log_probability=0.0)
+        return [sorted(found, key=lambda step: -step.log_probability) or [nothing] for found in steps]
 
     def _decode(
         self,
@@ -262,8 +276,7 @@ class Planner:
 
     def _guided(
         self,
-        ids: Sequence[Any],
-        legends: Sequence[Any],
+        asked: Encoded,
         decode: str,
         tasks: Tasks | None,
         tick: Callable[[int], None] | None = None,
@@ -272,17 +285,20 @@ class Planner:
         if tasks is None:
             raise ConfigError(f"`--decode {decode}` needs the problem to be guided by")
         done, limits = _Counter(tick), self._limits()
+        renewal = Renewal(self.tokenizer, asked) if decode == "masked-replan" else None
 
         def loop() -> MaskedLoop | SearchLoop:
-            decoder, guide = self._decoder(self.config.rows), OracleGuide(self.tokenizer, legends, tasks)
+            decoder, guide = self._decoder(self.config.rows), OracleGuide(self.tokenizer, asked.legends, tasks)
             if decode == "masked":
                 return MaskedLoop(decoder, guide, limits, on_done=done)
+            if decode == "masked-replan":
+                return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal)
             return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done)
 
-        made = run_jobs(self._jobs(ids), loop, self.workers)
+        made = run_jobs(self._jobs(asked.ids), loop, self.workers)
         if not self.config.fallback:
             return made
-        oracle = Fallback(OracleGuide(self.tokenizer, legends, tasks), self.config.fallback_seconds)
+        oracle = Fallback(OracleGuide(self.tokenizer, asked.legends, tasks), self.config.fallback_seconds)
         return [g if g.finished else oracle.answer(g) for g in made]
 
     def _budget(self) -> Budget:
@@ -339,9 +355,12 @@ class _Counter:
 
 
 def head_logits(model: Any, texts: Sequence[Sequence[int]]) -> list[float]:
-    """The multiple-choice head's logit for each token sequence, read at its last token."""
+    """The multiple-choice head's logit for each token sequence, read at its last token.
+
+    The last token of a text that filled the model's context has no position of its own; it gets the one before it.
+    """
     ids, counts = pad(texts, model.device)
-    places = torch.arange(ids.shape[1], device=ids.device).expand_as(ids)
+    places = torch.arange(ids.shape[1], device=ids.device).clamp(max=model.config.n_positions - 1).expand_as(ids)
     at = torch.arange(len(texts), device=ids.device) * ids.shape[1] + counts - 1
     hidden = hidden_at(model.transformer, ids, places, at, torch.float32)
     logits = model.multiple_choice_head.summary(hidden).view(-1)

@@ -61,8 +61,9 @@ ROUNDS = (
 )
 """The report's three models on the same data; and the double head on the report's own layout, spelled as it stands."""
 
-DATA_SETS = {"data": 0.0, "data-paper": 1.0}
-"""Folder of each data set, and the share of its prompts in the report's style (no types, no legend of words)."""
+DATA_SETS = {"data": ("tiny", ()), "data-paper": (None, ("data.paper_share=1.0",))}
+"""Folder of each data set, its preset and what differs from it: the second has all prompts in the report's style (no
+types, no legend of words)."""
 
 ENTRANTS = tuple(entrant for group in ROUNDS for entrant in group.entrants)
 
@@ -85,8 +86,8 @@ class Quickstart:
     out: Path
     minutes: float = 13.0
     """Minutes of training, all models together."""
-    pairs: int = 71_128
-    """Pairs of the data set."""
+    pairs: int = 0
+    """Pairs of each data set; 0 is as many as its preset has."""
     limit: int = 300
     """Prompts a suite."""
     seed: int = 0
@@ -107,12 +108,12 @@ class Quickstart:
         from strips_lm.shards import write_data_set
         from strips_lm.sources import read_sources
 
-        for name, paper_share in DATA_SETS.items():
+        for name, (preset, settings) in DATA_SETS.items():
             if (self.out / name / "manifest.json").is_file():
                 continue
-            self.tell(f"{name}: {self.pairs} pairs, every plan and every corruption proven by the oracle")
-            overrides = [f"data.pairs={self.pairs}", f"data.paper_share={paper_share}", f"seed={self.seed}"]
-            config = RunConfig.load(None, overrides)
+            pairs = [f"data.pairs={self.pairs}"] if self.pairs else []
+            config = RunConfig.load(preset, [*settings, *pairs, f"seed={self.seed}"])
+            self.tell(f"{name}: {config.data.pairs} pairs, every plan and every corruption proven by the oracle")
             sources = read_sources(config.data.domain, config.data.problems)
             write_data_set(self.out / name, config, sources, tick=self.tick or _no_tick)
 

@@ -19,7 +19,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("quickstart"), help="default: quickstart")
     parser.add_argument("--minutes", metavar="M", type=float, default=13.0, help="of training in all (default 13)")
-    parser.add_argument("--data-pairs", metavar="N", type=positive, default=71_128, help="pairs (default 71128)")
+    parser.add_argument(
+        "--data-pairs", metavar="N", type=positive, default=0, help="pairs of each data set (default: its preset's)"
+    )
     parser.add_argument("--limit", metavar="N", type=positive, default=300, help="prompts a suite (default 300)")
     parser.add_argument("--seed", metavar="S", type=natural, default=0, help="seed of every draw (default 0)")
 

@@ -72,10 +72,13 @@ class DataConfig:
     train_template_share: float = 0.15
     """The same share for training and validation: templates are learnt long before random problems are."""
     midway_share: float = 0.0
-    """Share of training's problems of two steps and more that are trained from a state on the way to their goal, too."""
+    """Share of training's problems of two steps and more that are trained from a state on their way, too."""
     train_steps_power: int = 0
     """There a problem is as likely as its shortest plan's steps to this power; 0 draws all alike, as suites do. 1 is
     better at long plans and worse at more objects (docs/experiments.md)."""
+    train_rarity: float = 0.0
+    """There a problem is as likely, too, as the number of problems with the same row of actions in their first plan to
+    minus this power: 0 draws all alike, 1 each row of actions. Rare rows are what models get wrong."""
     state_goal_share: float = 0.5
     """Share of random problems whose goal is the whole final state; templates give both kinds unless it is 0 or 1."""
     paper_share: float = 0.0

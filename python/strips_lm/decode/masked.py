@@ -11,7 +11,7 @@ Price: a call is as wide as the longest chunk among its rows.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import torch
 
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from strips_lm.decode.loop import Decoder, Job, Limits
+
+
+Renew: TypeAlias = "Callable[[Sequence[tuple[int, Sequence[int]]]], Sequence[Sequence[int]]]"
+"""Of each (prompt's number, tokens written after it) the prompt of going on from the last state in them."""
 
 
 class Guide(Protocol):
@@ -69,6 +73,10 @@ class _Text:
         start, self.fed = self.fed, len(self.tokens)
         return self.tokens[start:]
 
+    def new_step(self, step: int) -> int:
+        """Where, after what was fed, the last step begins that is not the first; 0 where none does."""
+        return max((i for i in range(self.fed, len(self.tokens)) if self.tokens[i] == step), default=0)
+
     def generation(self, stop: int, step: int) -> Generation:
         """The text as a value, without a last step that has no room."""
         full = is_full(self.tokens, self.room, stop)
@@ -97,9 +105,14 @@ class MaskedLoop:
         limits: Limits,
         *,
         on_done: Callable[[Generation], None] | None = None,
+        renew: Renew | None = None,
     ) -> None:
-        """`on_done` is called for each finished text."""
+        """`on_done` is called for each finished text. With `renew` the model forgets a step that is done.
+
+        It then reads a new prompt, which has the state that the step led to, and goes on from there.
+        """
         self.decoder, self.guide, self.limits, self.on_done = decoder, guide, limits, on_done
+        self.renew = renew
         self.capacity = len(decoder.lengths)
         self.device = decoder.lengths.device
         self.texts: list[_Text] = []
@@ -117,7 +130,7 @@ class MaskedLoop:
                 self._choose(logits)
                 self._retire()
             if self.texts:
-                logits = self.decoder.feed(0, *pad([text.chunk() for text in self.texts], self.device))
+                logits = self.decoder.feed(0, *pad(self._chunks(), self.device))
         return [self.done[job.prompt, job.draw] for job in jobs]
 
     def _admit(self, waiting: list[Job], logits: Tensor) -> Tensor:
@@ -137,8 +150,23 @@ class MaskedLoop:
         found = self.decoder.feed(first, *pad(whole, self.device))
         return torch.cat([logits, found]) if first else found
 
+    def _chunks(self) -> list[list[int]]:
+        """What each row reads next."""
+        begins = [text.new_step(self.guide.step) if self.renew else 0 for text in self.texts]
+        chunks = [text.chunk() for text in self.texts]
+        rows = [row for row, begin in enumerate(begins) if begin]
+        if self.renew is None or not rows:
+            return chunks
+        done = [(self.texts[row].job.prompt, self.texts[row].tokens[: begins[row]]) for row in rows]
+        for row, prompt in zip(rows, self.renew(done), strict=True):
+            self.decoder.clear(row, 1)
+            chunks[row] = [*prompt, *self.texts[row].tokens[begins[row] :]]
+        return chunks
+
     def _room(self, job: Job) -> int:
         """Tokens that a text may have; the context need not hold the last, which is never fed."""
+        if self.renew is not None:
+            return self.limits.max_new
         return min(self.limits.max_new, self.decoder.context + 1 - len(job.ids))
 
     def _choose(self, logits: Tensor) -> None:

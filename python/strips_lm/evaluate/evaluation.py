@@ -177,6 +177,7 @@ class Evaluation:
     def _score(self, planner: Planner, name: str, suite: Suite, decode: str, made: Batch) -> None:
         """Have the oracle judge the completions, and keep the score and some examples."""
         texts = [c.text for c in made.completions]
+        suite.prepare(self.data.domain)
         started = time.perf_counter()
         judgements = suite.judge(self.data.domain, range(len(texts)), texts)
         trial = Trial(

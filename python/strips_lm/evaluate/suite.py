@@ -21,7 +21,7 @@ SECONDS = 10.0
 """What finding the shortest plan of a user's own problem may take; without one, nothing is said of optimality."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Suite:
     """What a suite's prompts are, and what the oracle needs to judge and to guide their answers."""
 
@@ -33,6 +33,8 @@ class Suite:
     """The task of the prompt of a number."""
     of_records: bool = True
     """Whether the prompts have completions and negatives to measure likelihoods on."""
+    _judge: _native.Judge | None = None
+    """The problems, ready to judge texts against."""
 
     @classmethod
     def open(cls, data: DataFolder, name: str, limit: int) -> Suite:
@@ -61,8 +63,13 @@ class Suite:
 
     def judge(self, domain: _native.Domain, prompts: Sequence[int], texts: Sequence[str]) -> list[Judgement]:
         """The oracle's judgement of each text, written for the prompt of that number."""
-        problems, words = [self.problems[i] for i in prompts], [self.words[i] for i in prompts]
-        return _native.judge(domain, problems, list(texts), words)
+        return self.prepare(domain).judge(prompts, texts)
+
+    def prepare(self, domain: _native.Domain) -> _native.Judge:
+        """Reads and grounds the problems, which is done once for all texts of all models."""
+        if self._judge is None:
+            self._judge = _native.Judge(domain, self.problems, self.words)
+        return self._judge
 
     def oracle(self, domain: _native.Domain) -> Tasks:
         """The tasks behind the prompts, grounded when they are asked for."""

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use strips_core::pddl::ast::Domain;
 use strips_core::pddl::{Source, parse_domain, parse_problem};
 use strips_core::task::{Limits, ground};
-use strips_core::validate::{JudgeError, Judgement, Outcome, Validator, judge_many, validate_each};
+use strips_core::validate::{Bench, JudgeError, Judgement, Outcome, Validator, validate_each};
 
 const DOMAIN: &str = include_str!("../../../tests/data/valid/blocks/domain.pddl");
 
@@ -26,8 +26,8 @@ fn words() -> HashMap<String, String> {
 }
 
 fn judge(completion: &str) -> Judgement {
-    let judged =
-        judge_many(&domain(), &[PROBLEM], &[completion], &[words()], &Limits::default()).expect("the problem is right");
+    let bench = Bench::new(&domain(), &[PROBLEM], vec![words()], &Limits::default()).expect("the problem is right");
+    let judged = bench.judge(&[(0, completion)], &Limits::default()).expect("there is no limit");
     judged.into_iter().next().expect("one for one")
 }
 
@@ -84,11 +84,22 @@ fn unknown_words_objects_and_arities_are_told_apart() {
 
 #[test]
 fn a_wrong_problem_is_an_error_and_so_are_lists_that_differ() {
-    let error = judge_many(&domain(), &["(define"], &[RIGHT], &[words()], &Limits::default()).expect_err("no problem");
+    let error = Bench::new(&domain(), &["(define"], vec![words()], &Limits::default()).expect_err("no problem");
     assert!(matches!(error, JudgeError::Pddl(_)));
-    let error = judge_many(&domain(), &[PROBLEM], &[RIGHT, RIGHT], &[words()], &Limits::default())
-        .expect_err("one problem, two texts");
-    assert!(matches!(error, JudgeError::Lengths { problems: 1, completions: 2, words: 1 }));
+    let error = Bench::new(&domain(), &[PROBLEM], vec![words(), words()], &Limits::default())
+        .expect_err("one problem, two lists of words");
+    assert!(matches!(error, JudgeError::Lengths { problems: 1, words: 2 }));
+}
+
+#[test]
+fn problems_are_judged_by_their_numbers_in_any_order_and_as_often_as_asked() {
+    let other = PROBLEM.replace("(on a b)", "(holding a)");
+    assert_ne!(other, PROBLEM);
+    let bench = Bench::new(&domain(), &[PROBLEM, &other, PROBLEM], vec![words(); 3], &Limits::default())
+        .expect("the problems are right");
+    let judged = bench.judge(&[(1, RIGHT), (2, RIGHT), (0, RIGHT), (1, RIGHT)], &Limits::default());
+    let valid: Vec<bool> = judged.expect("there is no limit").iter().map(|j| j.verdict.is_valid()).collect();
+    assert_eq!(valid, [false, true, true, false]);
 }
 
 #[test]

@@ -47,7 +47,7 @@ mod _native {
     #[pymodule_export]
     use crate::text::{CanonicalCodec, Completion, Legend, parse_completions, split_texts};
     #[pymodule_export]
-    use crate::validate::{Judgement, Verdict, judge, split_plans};
+    use crate::validate::{Judge, Judgement, Verdict, judge, split_plans};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

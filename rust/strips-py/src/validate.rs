@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedStr;
 use pyo3::types::PyDict;
@@ -145,11 +145,70 @@ pub fn split_plans(text: &str) -> Vec<(usize, &str)> {
     plan::split_plans(text)
 }
 
-/// Judges generated texts in parallel: parses each, maps its words back to the domain's actions and predicates by
-/// `words`, validates the plan against its own problem (PDDL text) and compares its states with the true ones.
+/// Prompts' problems, read and grounded once, to judge any number of generated texts against.
 ///
-/// Raises `PddlError` where a problem is wrong, `LimitError` where one is too large, `ValueError` where the lists differ
-/// in length.
+/// `words[i]` gives the domain's action or predicate for a word of the texts for `problems[i]` (PDDL).
+#[pyclass(frozen, module = "strips_lm._native")]
+pub struct Judge(validate::Bench);
+
+#[pymethods]
+impl Judge {
+    /// Raises `PddlError` where a problem is wrong, `LimitError` where one is too large, `ValueError` where the lists
+    /// differ in length.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        domain: &Domain,
+        problems: Vec<PyBackedStr>,
+        words: Vec<HashMap<String, String>>,
+    ) -> PyResult<Self> {
+        let domain = domain.ast.clone();
+        let prepared = interrupt::run(py, &Limits::default(), |limits| {
+            let problems: Vec<&str> = problems.iter().map(AsRef::as_ref).collect();
+            match validate::Bench::new(&domain, &problems, words, limits) {
+                Err(JudgeError::Limit(LimitError::Interrupted)) => Err(LimitError::Interrupted),
+                prepared => Ok(prepared),
+            }
+        })?;
+        match prepared {
+            Ok(bench) => Ok(Self(bench)),
+            Err(JudgeError::Pddl(error)) => Err(pddl_error(py, &error)),
+            Err(JudgeError::Limit(error)) => Err(limit_error(py, &error)),
+            Err(error @ JudgeError::Lengths { .. }) => Err(PyValueError::new_err(error.to_string())),
+        }
+    }
+
+    /// Judges texts in parallel, each for the problem of its number: parses it, maps its words back to the domain's,
+    /// validates the plan and compares its states with the true ones.
+    ///
+    /// Raises `ValueError` where the lists differ in length, `IndexError` where there is no problem of a number.
+    fn judge(&self, py: Python<'_>, numbers: Vec<usize>, completions: Vec<PyBackedStr>) -> PyResult<Vec<Judgement>> {
+        if numbers.len() != completions.len() {
+            let (numbers, texts) = (numbers.len(), completions.len());
+            return Err(PyValueError::new_err(format!("{numbers} numbers of problems for {texts} texts")));
+        }
+        if let Some(number) = numbers.iter().find(|&&number| number >= self.0.len()) {
+            return Err(PyIndexError::new_err(format!("there is no problem {number}, but {}", self.0.len())));
+        }
+        let judged = interrupt::run(py, &Limits::default(), |limits| {
+            let texts = numbers.iter().copied().zip(completions.iter().map(AsRef::as_ref));
+            self.0.judge(&texts.collect::<Vec<_>>(), limits)
+        })?;
+        Ok(judged.into_iter().map(Judgement).collect())
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Judge of {} problems>", self.0.len())
+    }
+}
+
+/// Judges generated texts, each for a problem of its own: `Judge(domain, problems, words)`, used once.
+///
+/// Raises what `Judge` does.
 #[pyfunction]
 pub fn judge(
     py: Python<'_>,
@@ -158,19 +217,6 @@ pub fn judge(
     completions: Vec<PyBackedStr>,
     words: Vec<HashMap<String, String>>,
 ) -> PyResult<Vec<Judgement>> {
-    let domain = domain.ast.clone();
-    let judged = interrupt::run(py, &Limits::default(), |limits| {
-        let problems: Vec<&str> = problems.iter().map(AsRef::as_ref).collect();
-        let completions: Vec<&str> = completions.iter().map(AsRef::as_ref).collect();
-        match validate::judge_many(&domain, &problems, &completions, &words, limits) {
-            Err(JudgeError::Limit(LimitError::Interrupted)) => Err(LimitError::Interrupted),
-            judged => Ok(judged),
-        }
-    })?;
-    match judged {
-        Ok(judgements) => Ok(judgements.into_iter().map(Judgement).collect()),
-        Err(JudgeError::Pddl(error)) => Err(pddl_error(py, &error)),
-        Err(JudgeError::Limit(error)) => Err(limit_error(py, &error)),
-        Err(error @ JudgeError::Lengths { .. }) => Err(PyValueError::new_err(error.to_string())),
-    }
+    let numbers = (0..problems.len()).collect();
+    Judge::new(py, domain, problems, words)?.judge(py, numbers, completions)
 }

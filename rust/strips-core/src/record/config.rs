@@ -54,6 +54,9 @@ pub struct RecordConfig {
     pub midway_share: f64,
     /// In training and validation a problem is as likely as its shortest plan's steps to this power.
     pub train_steps_power: u32,
+    /// There a problem is as likely, too, as the number of problems with the same actions in their first plan to minus this
+    /// power.
+    pub train_rarity: f64,
     /// Share of problems whose goal is the whole final state.
     pub state_goal_share: f64,
     /// Share of records in the report's style.
@@ -154,12 +157,13 @@ impl RecordConfig {
         self.check_negatives()
     }
 
-    fn shares(&self) -> [(&'static str, f64); 11] {
+    fn shares(&self) -> [(&'static str, f64); 12] {
         [
             ("validation_share", self.validation_share),
             ("template_share", self.template_share),
             ("train_template_share", self.train_template_share),
             ("midway_share", self.midway_share),
+            ("train_rarity", self.train_rarity),
             ("state_goal_share", self.state_goal_share),
             ("paper_share", self.paper_share),
             ("words_share", self.words_share),

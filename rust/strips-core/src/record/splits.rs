@@ -1,11 +1,13 @@
 //! Which problems belong to which split: nothing that a suite holds out reaches training.
 
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::config::RecordConfig;
 use super::shape::{Shape, Source};
 use crate::augment::{Hold, Names, Naming};
+use crate::pddl::ast::ActionId;
 use crate::random::Random;
+use crate::task::OperatorId;
 
 /// A part of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -134,14 +136,41 @@ pub(super) struct Group {
     sums: Vec<usize>,
 }
 
+/// How much likelier some problems of a group are than others; by default none is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Drawing {
+    /// As likely as the shortest plan's steps to this power.
+    steps_power: u32,
+    /// As likely as the number of problems with the same actions in their first plan to minus this power.
+    rarity: f64,
+}
+
+/// What the weight of a problem that is the only one of its kind is counted in.
+const WHOLE: f64 = 65_536.0;
+
+/// The actions of a problem's first plan, without their arguments.
+fn skeleton(shape: &Shape) -> Vec<ActionId> {
+    let action = |operator: &OperatorId| shape.task.operators[operator.index()].action;
+    shape.plans.first().map(|plan| plan.iter().map(action).collect()).unwrap_or_default()
+}
+
 impl Group {
-    fn new(ids: Vec<u32>, shapes: &[Shape], steps_power: u32) -> Self {
+    fn new(ids: Vec<u32>, shapes: &[Shape], drawing: Drawing) -> Self {
+        if drawing == Drawing::default() {
+            return Self { ids, sums: Vec::new() };
+        }
+        let mut alike: FxHashMap<Vec<ActionId>, usize> = FxHashMap::default();
+        ids.iter().for_each(|&id| *alike.entry(skeleton(&shapes[id as usize])).or_default() += 1);
         let mut sum = 0;
         let add = |&id: &u32| {
-            sum += shapes[id as usize].shortest.unwrap_or(1).max(1).pow(steps_power);
+            let shape = &shapes[id as usize];
+            let rarity = (alike[&skeleton(shape)] as f64).powf(-drawing.rarity);
+            // Weights are whole numbers: the most common problem's is not zero, and no sum is too large.
+            let rarity = ((WHOLE * rarity) as usize).max(1);
+            sum += shape.shortest.unwrap_or(1).max(1).pow(drawing.steps_power) * rarity;
             sum
         };
-        let sums = if steps_power > 0 { ids.iter().map(add).collect() } else { Vec::new() };
+        let sums = ids.iter().map(add).collect();
         Self { ids, sums }
     }
 
@@ -236,8 +265,9 @@ impl<'c> Sorter<'c> {
         let band = |id: &u32| if few { bands.len() } else { band(id) };
         let chosen = |wanted| candidates.iter().copied().filter(|id| band(id) == wanted).collect::<Vec<u32>>();
         let (config, shapes) = (self.config, &self.shapes);
-        let suite = |ids: Vec<u32>| Pool::new(&ids, shapes, config.template_share, 0);
-        let training = |ids: Vec<u32>| Pool::new(&ids, shapes, config.train_template_share, config.train_steps_power);
+        let suite = |ids: Vec<u32>| Pool::new(&ids, shapes, config.template_share, Drawing::default());
+        let drawing = Drawing { steps_power: config.train_steps_power, rarity: config.train_rarity };
+        let training = |ids: Vec<u32>| Pool::new(&ids, shapes, config.train_template_share, drawing);
         let [unseen_shapes, tried, unseen_template] = [chosen(0), chosen(2), template].map(suite);
         let on_the_way = midway.iter().copied().filter(|id| band(id) == 2);
         let [validation, trained] = [chosen(1), chosen(2).into_iter().chain(on_the_way).collect()].map(training);
@@ -258,7 +288,7 @@ impl<'c> Sorter<'c> {
 
 impl Pool {
     /// One group a template, which share `template_share` evenly, and one of random problems for the rest.
-    fn new(ids: &[u32], shapes: &[Shape], template_share: f64, steps_power: u32) -> Self {
+    fn new(ids: &[u32], shapes: &[Shape], template_share: f64, drawing: Drawing) -> Self {
         let mut keys: Vec<Option<usize>> = ids.iter().map(|&id| key(&shapes[id as usize])).collect();
         keys.sort_unstable();
         keys.dedup();
@@ -269,7 +299,7 @@ impl Pool {
         };
         let members = |wanted: &Option<usize>| {
             let ids = ids.iter().copied().filter(|&id| key(&shapes[id as usize]) == *wanted).collect();
-            Group::new(ids, shapes, steps_power)
+            Group::new(ids, shapes, drawing)
         };
         let mut weights: Vec<f64> = keys.iter().map(weight).collect();
         if weights.iter().sum::<f64>() <= 0.0 {

@@ -51,6 +51,7 @@ pub(super) fn config() -> RecordConfig {
         template_share: 0.5,
         train_template_share: 0.25,
         midway_share: 0.5,
+        train_rarity: 0.5,
         train_steps_power: 1,
         state_goal_share: 0.5,
         paper_share: 0.2,
@@ -208,6 +209,42 @@ fn suites_share_no_problem_with_training() {
     assert!(
         problems(Split::Longer).into_iter().all(|id| stream.problem(id.cast_unsigned() as usize).shortest >= Some(8))
     );
+}
+
+#[test]
+fn problems_from_midway_are_training_s_alone() {
+    let with = stream(RecordConfig { midway_share: 1.0, ..config() });
+    let without = stream(RecordConfig { midway_share: 0.0, ..config() });
+    assert!(with.problems() > without.problems() + 100, "{} {}", with.problems(), without.problems());
+    for (split, records) in without.splits() {
+        let (with, without) = (with.batch(split, 0..records), without.batch(split, 0..records));
+        assert_eq!(with == without, !matches!(split, Split::Train | Split::Validation), "{}", split.name());
+    }
+    let batch = with.batch(Split::Train, 0..300);
+    let midway = batch.problem_id.iter().filter(|&&id| id.cast_unsigned() as usize >= without.problems()).count();
+    assert!((60..240).contains(&midway), "{midway} of 300");
+    for &id in &batch.problem_id {
+        let shape = with.problem(id.cast_unsigned() as usize);
+        assert!(shape.shortest.is_some_and(|steps| (1..=7).contains(&steps)));
+    }
+}
+
+#[test]
+fn rare_rows_of_actions_are_drawn_more_often_where_that_is_asked_for() {
+    let commonest = |train_rarity| {
+        let config = RecordConfig { train_rarity, train_steps_power: 0, train_template_share: 0.0, ..config() };
+        let stream = stream(RecordConfig { random_problems: 300, ..config });
+        let batch = stream.batch(Split::Train, 0..500);
+        let mut counts: BTreeMap<Vec<_>, usize> = BTreeMap::new();
+        for &id in &batch.problem_id {
+            let shape = stream.problem(id.cast_unsigned() as usize);
+            let actions = shape.plans[0].iter().map(|operator| shape.task.operators[operator.index()].action);
+            *counts.entry(actions.collect()).or_default() += 1;
+        }
+        counts.into_values().max().expect("there are records")
+    };
+    let (even, half, whole) = (commonest(0.0), commonest(0.5), commonest(1.0));
+    assert!(even > half && half > whole && even > 3 * whole, "{even} {half} {whole}");
 }
 
 #[test]

@@ -43,12 +43,10 @@ pub enum JudgeError {
     #[error(transparent)]
     Limit(#[from] LimitError),
     /// The lists are not of one length.
-    #[error("{problems} problems, {completions} completions and {words} word lists do not go together")]
+    #[error("{problems} problems and {words} word lists do not go together")]
     Lengths {
         /// Number of problems.
         problems: usize,
-        /// Number of completions.
-        completions: usize,
         /// Number of word lists.
         words: usize,
     },
@@ -112,44 +110,69 @@ fn plan_line(name: &str, args: &[&str]) -> String {
     format!("({})\n", [&[name], args].concat().join(" ").to_ascii_lowercase())
 }
 
-/// Judges many completions, each against a problem of its own, in parallel; equal problems are grounded once.
-///
-/// `words[i]` gives the domain's action or predicate for a word of completion `i`, as for [`judge`].
-///
-/// # Errors
-/// When a problem cannot be read or grounded within `limits`, the lists differ in length, or the work is interrupted.
-pub fn judge_many<S: BuildHasher + Sync>(
-    domain: &Arc<Domain>,
-    problems: &[&str],
-    completions: &[&str],
-    words: &[HashMap<String, String, S>],
-    limits: &Limits,
-) -> Result<Vec<Judgement>, JudgeError> {
-    if problems.len() != completions.len() || words.len() != completions.len() {
-        let (problems, completions, words) = (problems.len(), completions.len(), words.len());
-        return Err(JudgeError::Lengths { problems, completions, words });
+/// Prompts' problems, read and grounded once, and what the words of each prompt's texts stand for.
+pub struct Bench<S = std::hash::RandomState> {
+    validators: Vec<Arc<Validator>>,
+    words: Vec<HashMap<String, String, S>>,
+}
+
+impl<S: BuildHasher + Sync> Bench<S> {
+    /// Reads and grounds the problems in parallel, equal ones once. `words[i]` gives the domain's action or predicate for
+    /// a word of a text for problem `i`, as for [`judge`].
+    ///
+    /// # Errors
+    /// When a problem cannot be read or grounded within `limits`, the lists differ in length, or the work is interrupted.
+    pub fn new(
+        domain: &Arc<Domain>,
+        problems: &[&str],
+        words: Vec<HashMap<String, String, S>>,
+        limits: &Limits,
+    ) -> Result<Self, JudgeError> {
+        if problems.len() != words.len() {
+            return Err(JudgeError::Lengths { problems: problems.len(), words: words.len() });
+        }
+        let known = validators(domain, problems, limits)?;
+        Ok(Self { validators: problems.iter().map(|problem| known[problem].clone()).collect(), words })
     }
-    let validators = validators(domain, problems, limits)?;
-    let watch = limits.start();
-    let one = |index: usize| {
-        watch.check()?;
-        let completion = parse_completion(completions[index]);
-        Ok(judge(&validators[problems[index]], &completion, &words[index]))
-    };
-    (0..problems.len()).into_par_iter().map(one).collect()
+
+    /// How many problems there are.
+    pub fn len(&self) -> usize {
+        self.validators.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.validators.is_empty()
+    }
+
+    /// Judges completions in parallel, each by the number of its problem.
+    ///
+    /// # Errors
+    /// When the work is interrupted or its time is up.
+    ///
+    /// # Panics
+    /// Where there is no problem of a number.
+    pub fn judge(&self, completions: &[(usize, &str)], limits: &Limits) -> Result<Vec<Judgement>, LimitError> {
+        let watch = limits.start();
+        let one = |&(number, text): &(usize, &str)| {
+            watch.check()?;
+            Ok(judge(&self.validators[number], &parse_completion(text), &self.words[number]))
+        };
+        completions.par_iter().map(one).collect()
+    }
 }
 
 fn validators<'p>(
     domain: &Arc<Domain>,
     problems: &[&'p str],
     limits: &Limits,
-) -> Result<FxHashMap<&'p str, Validator>, JudgeError> {
+) -> Result<FxHashMap<&'p str, Arc<Validator>>, JudgeError> {
     let mut distinct = problems.to_vec();
     distinct.sort_unstable();
     distinct.dedup();
     let prepared: Result<Vec<_>, JudgeError> = distinct
         .into_par_iter()
-        .map(|problem| Ok((problem, Validator::new(Arc::new(prepare(domain, problem, limits)?)))))
+        .map(|problem| Ok((problem, Arc::new(Validator::new(Arc::new(prepare(domain, problem, limits)?))))))
         .collect();
     prepared.map(|prepared| prepared.into_iter().collect())
 }
