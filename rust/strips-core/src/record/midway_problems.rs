@@ -26,7 +26,7 @@ pub(super) fn midway(workshop: &Workshop, whole: &Shape) -> Result<Option<Shape>
         return Ok(None);
     }
     let mut state = whole.task.init.clone();
-    for operator in &plan[..1 + random.below(plan.len() - 1)] {
+    for operator in &plan[..=random.below(plan.len() - 1)] {
         state = whole.task.apply(&whole.task.operators[operator.index()], &state);
     }
     let problem = Problem { init: whole.task.atoms(&state), ..(*whole.task.problem).clone() };

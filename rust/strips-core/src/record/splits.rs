@@ -155,12 +155,15 @@ fn skeleton(shape: &Shape) -> Vec<ActionId> {
 }
 
 impl Group {
+    #[expect(clippy::cast_sign_loss, reason = "a power of a positive number is positive")]
     fn new(ids: Vec<u32>, shapes: &[Shape], drawing: Drawing) -> Self {
         if drawing == Drawing::default() {
             return Self { ids, sums: Vec::new() };
         }
         let mut alike: FxHashMap<Vec<ActionId>, usize> = FxHashMap::default();
-        ids.iter().for_each(|&id| *alike.entry(skeleton(&shapes[id as usize])).or_default() += 1);
+        for &id in &ids {
+            *alike.entry(skeleton(&shapes[id as usize])).or_default() += 1;
+        }
         let mut sum = 0;
         let add = |&id: &u32| {
             let shape = &shapes[id as usize];
