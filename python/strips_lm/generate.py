@@ -289,11 +289,9 @@ class Planner:
 
         def loop() -> MaskedLoop | SearchLoop:
             decoder, guide = self._decoder(self.config.rows), OracleGuide(self.tokenizer, asked.legends, tasks)
-            if decode == "masked":
-                return MaskedLoop(decoder, guide, limits, on_done=done)
-            if decode == "masked-replan":
-                return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal)
-            return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done)
+            if decode == "search":
+                return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done)
+            return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal)
 
         made = run_jobs(self._jobs(asked.ids), loop, self.workers)
         if not self.config.fallback:

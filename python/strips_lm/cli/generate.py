@@ -32,7 +32,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", metavar="MODEL", help="a folder that `strips-lm train` wrote")
     add_task(parser)
     parser.add_argument(
-        "--decode", default="greedy", metavar="NAME", help="greedy, sample, beam, best-of-k, replan, masked or search"
+        "--decode",
+        default="greedy",
+        metavar="NAME",
+        help="greedy, sample, beam, best-of-k, replan, masked, masked-replan or search",
     )
     parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
     fallback = "where the model comes to no plan, masked or by search, have the oracle's own search answer, and say so"
