@@ -91,13 +91,9 @@ def _choose(going: Sequence[_Walk], steps: Steps, draws: int) -> list[Completion
     if not back or draws < 2:
         return chosen
     for i, found in zip(back, steps([going[i].prompt for i in back], draws), strict=True):
-        new = [step for step in found if going[i].is_new(step)]
-        going[i].wasted += chosen[i].tokens + sum(step.tokens for step in found)
-        if new:
-            going[i].wasted -= new[0].tokens
-            chosen[i] = new[0]
-        else:
-            going[i].wasted -= chosen[i].tokens
+        asked = [chosen[i], *found]
+        chosen[i] = next((step for step in found if going[i].is_new(step)), chosen[i])
+        going[i].wasted += sum(step.tokens for step in asked) - chosen[i].tokens
     return chosen
 
 

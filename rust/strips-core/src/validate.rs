@@ -20,7 +20,7 @@ mod trace;
 mod validator;
 
 use crate::task::{OperatorId, Task};
-pub use judge::{Bench, JudgeError, Judgement, judge};
+pub use judge::{Judge, JudgeError, Judgement, judge};
 pub use trace::{Trace, check_trace};
 pub use validator::{Validator, validate_each};
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use strips_core::pddl::ast::Domain;
 use strips_core::pddl::{Source, parse_domain, parse_problem};
 use strips_core::task::{Limits, ground};
-use strips_core::validate::{Bench, JudgeError, Judgement, Outcome, Validator, validate_each};
+use strips_core::validate::{Judge, JudgeError, Judgement, Outcome, Validator, validate_each};
 
 const DOMAIN: &str = include_str!("../../../tests/data/valid/blocks/domain.pddl");
 
@@ -26,8 +26,8 @@ fn words() -> HashMap<String, String> {
 }
 
 fn judge(completion: &str) -> Judgement {
-    let bench = Bench::new(&domain(), &[PROBLEM], vec![words()], &Limits::default()).expect("the problem is right");
-    let judged = bench.judge(&[(0, completion)], &Limits::default()).expect("there is no limit");
+    let oracle = Judge::new(&domain(), &[PROBLEM], vec![words()], &Limits::default()).expect("the problem is right");
+    let judged = oracle.judge(&[(0, completion)], &Limits::default()).expect("there is no limit");
     judged.into_iter().next().expect("one for one")
 }
 
@@ -84,9 +84,9 @@ fn unknown_words_objects_and_arities_are_told_apart() {
 
 #[test]
 fn a_wrong_problem_is_an_error_and_so_are_lists_that_differ() {
-    let no_problem = Bench::new(&domain(), &["(define"], vec![words()], &Limits::default());
+    let no_problem = Judge::new(&domain(), &["(define"], vec![words()], &Limits::default());
     assert!(matches!(no_problem, Err(JudgeError::Pddl(_))));
-    let two_lists = Bench::new(&domain(), &[PROBLEM], vec![words(), words()], &Limits::default());
+    let two_lists = Judge::new(&domain(), &[PROBLEM], vec![words(), words()], &Limits::default());
     assert!(matches!(two_lists, Err(JudgeError::Lengths { problems: 1, words: 2 })));
 }
 
@@ -94,9 +94,9 @@ fn a_wrong_problem_is_an_error_and_so_are_lists_that_differ() {
 fn problems_are_judged_by_their_numbers_in_any_order_and_as_often_as_asked() {
     let other = PROBLEM.replace("(on a b)", "(holding a)");
     assert_ne!(other, PROBLEM);
-    let bench = Bench::new(&domain(), &[PROBLEM, &other, PROBLEM], vec![words(); 3], &Limits::default())
+    let oracle = Judge::new(&domain(), &[PROBLEM, &other, PROBLEM], vec![words(); 3], &Limits::default())
         .expect("the problems are right");
-    let judged = bench.judge(&[(1, RIGHT), (2, RIGHT), (0, RIGHT), (1, RIGHT)], &Limits::default());
+    let judged = oracle.judge(&[(1, RIGHT), (2, RIGHT), (0, RIGHT), (1, RIGHT)], &Limits::default());
     let valid: Vec<bool> = judged.expect("there is no limit").iter().map(|j| j.verdict.is_valid()).collect();
     assert_eq!(valid, [false, true, true, false]);
 }

@@ -149,7 +149,7 @@ pub fn split_plans(text: &str) -> Vec<(usize, &str)> {
 ///
 /// `words[i]` gives the domain's action or predicate for a word of the texts for `problems[i]` (PDDL).
 #[pyclass(frozen, module = "strips_lm._native")]
-pub struct Judge(validate::Bench);
+pub struct Judge(validate::Judge);
 
 #[pymethods]
 impl Judge {
@@ -165,13 +165,13 @@ impl Judge {
         let domain = domain.ast.clone();
         let prepared = interrupt::run(py, &Limits::default(), |limits| {
             let problems: Vec<&str> = problems.iter().map(AsRef::as_ref).collect();
-            match validate::Bench::new(&domain, &problems, words, limits) {
+            match validate::Judge::new(&domain, &problems, words, limits) {
                 Err(JudgeError::Limit(LimitError::Interrupted)) => Err(LimitError::Interrupted),
                 prepared => Ok(prepared),
             }
         })?;
         match prepared {
-            Ok(bench) => Ok(Self(bench)),
+            Ok(judge) => Ok(Self(judge)),
             Err(JudgeError::Pddl(error)) => Err(pddl_error(py, &error)),
             Err(JudgeError::Limit(error)) => Err(limit_error(py, &error)),
             Err(error @ JudgeError::Lengths { .. }) => Err(PyValueError::new_err(error.to_string())),

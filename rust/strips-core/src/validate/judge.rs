@@ -111,12 +111,12 @@ fn plan_line(name: &str, args: &[&str]) -> String {
 }
 
 /// Prompts' problems, read and grounded once, and what the words of each prompt's texts stand for.
-pub struct Bench<S = std::hash::RandomState> {
+pub struct Judge<S = std::hash::RandomState> {
     validators: Vec<Arc<Validator>>,
     words: Vec<HashMap<String, String, S>>,
 }
 
-impl<S: BuildHasher + Sync> Bench<S> {
+impl<S: BuildHasher + Sync> Judge<S> {
     /// Reads and grounds the problems in parallel, equal ones once. `words[i]` gives the domain's action or predicate for
     /// a word of a text for problem `i`, as for [`judge`].
     ///
