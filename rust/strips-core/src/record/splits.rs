@@ -212,7 +212,9 @@ impl Pools {
         let more_objects = sorter.add(solved.more_objects);
         let longer = sorter.add(solved.longer);
         let large = sorter.add(solved.large);
-        sorter.finish(&candidates, solved.midway, [unseen_template, more_objects, longer, large])
+        // Last, so that none is a problem of another split.
+        let midway = sorter.add(solved.midway);
+        sorter.finish(&candidates, &midway, [unseen_template, more_objects, longer, large])
     }
 
     /// The problems that the split's records are drawn from; empty where there are none.
@@ -253,33 +255,25 @@ impl<'c> Sorter<'c> {
         ids
     }
 
-    fn finish(
-        mut self,
-        candidates: &[u32],
-        midway: Vec<Shape>,
-        [template, objects, longer, large]: [Vec<u32>; 4],
-    ) -> Pools {
+    fn finish(self, candidates: &[u32], midway: &[u32], [template, objects, longer, large]: [Vec<u32>; 4]) -> Pools {
         let validation = if self.config.validation_by_shape { self.config.validation_share } else { 0.0 };
         let bands = [self.config.unseen_shapes_share, self.config.unseen_shapes_share + validation];
-        let trained = bands.len();
-        let band = |shape: &Shape| {
+        let band = |id: &u32| {
             // A variant of a held-out problem is held out with it.
-            let place = (shape.family >> 64) as u64 as f64 / u64::MAX as f64;
-            bands.iter().position(|&end| place < end).unwrap_or(trained)
+            let place = (self.shapes[*id as usize].family >> 64) as u64 as f64 / u64::MAX as f64;
+            bands.iter().position(|&end| place < end).unwrap_or(bands.len())
         };
         // Where there are too few problems to hold some out, all of them are trained.
-        let few = candidates.iter().all(|&id| band(&self.shapes[id as usize]) < trained);
-        let band = |shape: &Shape| if few { trained } else { band(shape) };
-        // Last, so that none is a problem of another split.
-        let midway = self.add(midway.into_iter().filter(|shape| band(shape) == trained));
-        let belongs = |id: &u32, wanted| band(&self.shapes[*id as usize]) == wanted;
-        let chosen = |wanted| candidates.iter().copied().filter(|id| belongs(id, wanted)).collect::<Vec<u32>>();
+        let few = candidates.iter().all(|id| band(id) < bands.len());
+        let band = |id: &u32| if few { bands.len() } else { band(id) };
+        let chosen = |wanted| candidates.iter().copied().filter(|id| band(id) == wanted).collect::<Vec<u32>>();
         let (config, shapes) = (self.config, &self.shapes);
         let suite = |ids: Vec<u32>| Pool::new(&ids, shapes, config.template_share, Drawing::default());
         let drawing = Drawing { steps_power: config.train_steps_power, rarity: config.train_rarity };
         let training = |ids: Vec<u32>| Pool::new(&ids, shapes, config.train_template_share, drawing);
         let [unseen_shapes, tried, unseen_template] = [chosen(0), chosen(2), template].map(suite);
-        let [validation, trained] = [chosen(1), [chosen(2), midway].concat()].map(training);
+        let on_the_way = midway.iter().copied().filter(|id| band(id) == 2);
+        let [validation, trained] = [chosen(1), chosen(2).into_iter().chain(on_the_way).collect()].map(training);
         let [more_objects, longer, large] = [objects, longer, large].map(suite);
         Pools {
             shapes: self.shapes,
