@@ -1,16 +1,20 @@
 """The losses against a plain computation, one example at a time, in float64; and what they must not depend on."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
 from torch.nn import functional as F
+from torch.nn.attention import varlen
 from transformers import GPT2DoubleHeadsModel, GPT2LMHeadModel
 
+from strips_lm import forward
 from strips_lm.batches import Row, collate
 from strips_lm.loss import batch_losses, weighted
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
+from strips_lm.muon import MuonAdamW
 from test_model_forward import gpt2
 
 RNG = np.random.default_rng(0)
@@ -128,6 +132,67 @@ def test_blocks_hold_rows_of_like_length_and_leave_loss_and_gradient_alone():
         grads.append({name: parameter.grad.clone() for name, parameter in model.named_parameters()})
     for name, grad in grads[0].items():
         torch.testing.assert_close(grads[1][name], grad, rtol=1e-9, atol=1e-10, msg=name)
+
+
+def attend_row_by_row(query, key, value, bounds, _bounds, longest, _longest, *, scale, window_size):
+    """The slow twin of PyTorch's `varlen_attn`."""
+    assert window_size == (-1, 0)
+    assert int(bounds[-1]) == len(query), "every token is of a row"
+    assert longest >= int(bounds.diff().max())
+    rows = [
+        F.scaled_dot_product_attention(
+            *(part[a:b].transpose(0, 1) for part in (query, key, value)), is_causal=True, scale=scale
+        )
+        for a, b in pairwise(bounds.tolist())
+    ]
+    return torch.cat([row.transpose(0, 1) for row in rows])
+
+
+def test_rows_of_any_length_attend_as_padded_ones(monkeypatch):
+    pairs = some_pairs(8)
+    model = gpt2(GPT2DoubleHeadsModel).double()
+    grads = []
+    for spread in (math.inf, 0.0):
+        if spread == 0.0:
+            monkeypatch.setattr(forward, "attends_unpadded", lambda *_: True)
+            monkeypatch.setattr(varlen, "varlen_attn", attend_row_by_row)
+        batch = batch_of(pairs, spread=spread)
+        model.zero_grad()
+        total(model, [batch]).backward()
+        grads.append({name: parameter.grad.clone() for name, parameter in model.named_parameters()})
+    assert batch.input_ids.numel() == sum(len(p) + len(c) for p, completions in pairs for c in completions)
+    for name, grad in grads[0].items():
+        torch.testing.assert_close(grads[1][name], grad, rtol=1e-9, atol=1e-10, msg=name)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="NEEDS A GPU: flash attention on rows of any length")
+def test_a_gpus_loss_in_bfloat16_is_near_a_cpus():
+    pairs = some_pairs(8)
+    model = gpt2(GPT2DoubleHeadsModel)
+    exact = float(total(model, [batch_of(pairs)]))
+    model.cuda()
+    batch = batch_of(pairs, spread=0.0).to(torch.device("cuda"))
+    losses = batch_losses(model, batch, torch.bfloat16, compiled=True)
+    assert float(weighted(losses, losses.tokens, losses.pairs, 1.0, 2.0)) == pytest.approx(exact, rel=0.02)
+
+
+def test_the_fused_update_is_the_plain_one():
+    torch.manual_seed(0)
+    found = []
+    for fused in (False, True):
+        torch.manual_seed(0)
+        weight = torch.nn.Parameter(torch.randn(5, 7, dtype=torch.float64))
+        group = {"params": [weight], "lr": 0.01, "weight_decay": 0.1}
+        optimizer = MuonAdamW([group], betas=(0.9, 0.98), eps=1e-8, momentum=0.9)
+        for _ in range(5):
+            weight.grad = torch.randn_like(weight)
+            if fused:
+                optimizer.make_state([weight])
+                optimizer.adamw_fused(optimizer.param_groups[0], [weight])
+            else:
+                optimizer.step()
+        found.append(weight.detach())
+    torch.testing.assert_close(*found, rtol=1e-9, atol=1e-12)
 
 
 def test_negatives_change_the_lm_loss_of_no_model_without_the_second_head():

@@ -74,20 +74,28 @@ def test_a_resumed_run_ends_bit_for_bit_where_an_uninterrupted_one_does(kind, da
 
 def interrupt_at(step, monkeypatch):
     """Sends this process SIGTERM when that step begins."""
-    build = loop._build
+    build = loop.Steps.next
 
-    def build_and_kill(run, *args):
-        if run.progress.step == step - 1:
+    def build_and_kill(steps, fraction):
+        if steps.run.progress.step == step - 1:
             os.kill(os.getpid(), signal.SIGTERM)
-        return build(run, *args)
+        return build(steps, fraction)
 
-    monkeypatch.setattr(loop, "_build", build_and_kill)
+    monkeypatch.setattr(loop.Steps, "next", build_and_kill)
 
 
 def test_an_interrupted_run_has_trained_no_step_more(data, tmp_path, monkeypatch):
     interrupt_at(4, monkeypatch)
     assert train(config(), data, tmp_path, shown=False) == signal.SIGTERM
     assert json.loads((tmp_path / "last" / "trainer.json").read_text())["step"] == 4
+
+
+def test_steps_built_ahead_are_the_same_steps(data, tmp_path, monkeypatch):
+    for name, ahead in (("now", False), ("ahead", True)):
+        monkeypatch.setattr(loop, "_builds_ahead", lambda _, ahead=ahead: ahead)
+        train(config("double-head", 8, "train.mc_start=0.5"), data, tmp_path / name, shown=False)
+    now, ahead = weights(tmp_path / "now"), weights(tmp_path / "ahead")
+    assert all(torch.equal(now[name], ahead[name]) for name in now)
 
 
 def test_accumulation_changes_nothing(data, tmp_path):

@@ -62,7 +62,7 @@ def choice_of(run, data, out, monkeypatch):
     def stop(*_):
         raise StoppedError
 
-    monkeypatch.setattr(loop, "_build", stop)
+    monkeypatch.setattr(loop.Steps, "next", stop)
     with pytest.raises(StoppedError):
         train(run, data, out, shown=False)
     return load_choice(out)
@@ -122,7 +122,7 @@ def test_a_machine_that_cannot_compile_does_without_and_says_why(data, tmp_path,
     if missing:
         monkeypatch.setattr(tuning, "_missing_compiler", lambda _device: "there is no C++ compiler")
     why = "there is no C++ compiler" if missing else "the linker is gone"
-    monkeypatch.setattr(loop, "_build", None)
+    monkeypatch.setattr(loop.Steps, "next", None)
     for again in ("", "; measured by an earlier run"):
         with pytest.raises(TypeError):
             train(asked, data, tmp_path / "run", shown=True)
@@ -147,21 +147,21 @@ def test_compiling_pays_where_it_saves_more_than_it_takes(data, tmp_path, measur
 def test_a_resumed_run_keeps_its_choice_bit_for_bit(data, tmp_path, monkeypatch):
     asked = config("train.autotune=true", "train.compile=never")
     train(asked, data, tmp_path / "whole", shown=False)
-    build = loop._build
+    build = loop.Steps.next
 
-    def stop_at_four(run, *args):
-        if run.progress.step == 4:
+    def stop_at_four(steps, fraction):
+        if steps.run.progress.step == 4:
             raise StoppedError
-        return build(run, *args)
+        return build(steps, fraction)
 
-    monkeypatch.setattr(loop, "_build", stop_at_four)
+    monkeypatch.setattr(loop.Steps, "next", stop_at_four)
     with pytest.raises(StoppedError):
         train(config("train.autotune=true", "train.compile=never", "train.save_minutes=1e-9"), data, tmp_path / "two")
-    monkeypatch.setattr(loop, "_build", build)
+    monkeypatch.setattr(loop.Steps, "next", build)
     monkeypatch.setitem(SECONDS, ("bfloat16", False), 3.0)
     shutil.rmtree(tmp_path / "cache")
     assert choice_of(asked, data, tmp_path / "now", monkeypatch).precision == "float32", "a new run chooses anew"
-    monkeypatch.setattr(loop, "_build", build)
+    monkeypatch.setattr(loop.Steps, "next", build)
     train(asked, data, tmp_path / "two", resumed=True, shown=False)
     assert json.loads((tmp_path / "two" / "tuning.json").read_text())["precision"] == "bfloat16"
     for name in ("model.safetensors", "optimizer.safetensors"):

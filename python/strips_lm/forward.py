@@ -1,11 +1,12 @@
 """The training forward pass over transformers' own GPT-2 parameters.
 
 It computes what `GPT2Model` computes (a test holds the two equal in float64), with three differences that pay on
-two CPU cores and cost nothing on a GPU:
+two CPU cores and on a GPU:
 
 - weights and activations are cast to the compute type once a pass, instead of op by op under autocast;
 - on a CPU attention runs in float32 whatever the layers run in: SDPA's fused kernel takes half to a quarter of the time
-  of spelled-out attention on rows of 450 to 1,000 tokens and no more on short ones; its bfloat16 backward is slow;
+  of spelled-out attention on rows of 450 to 1,000 tokens and no more on short ones; its bfloat16 backward is slow. On
+  a GPU in bfloat16 it is one call of flash attention for rows of any length, so that nothing is padded;
 - after the last layer's attention only the positions that a loss reads go on: the rest of the layer, the final norm
   and the head never see prompts.
 
@@ -63,8 +64,9 @@ def hidden_at(
     at = F.pad(at, (0, -scored % GRAIN))
     last = len(transformer.h) - 1
     sides = compiled_sides() if compiled and torch.is_grad_enabled() else Sides(_before, _after)
+    rows = Rows.of(transformer, hidden, blocks)
     for index, block in enumerate(transformer.h):
-        attended = _attend(block.attn, sides.before(block, hidden), blocks)
+        attended = _attend(block.attn, sides.before(block, hidden), rows)
         if index == last:
             attended, hidden = attended[at], hidden[at]
         hidden = sides.after(block, hidden, attended)
@@ -74,6 +76,45 @@ def hidden_at(
 def rounded(rows: Tensor) -> Tensor:
     """(n, width) with zeros below, up to a multiple of `GRAIN` rows."""
     return F.pad(rows, (0, 0, 0, -len(rows) % GRAIN))
+
+
+class Rows(NamedTuple):
+    """Which of the flat tokens attend to each other."""
+
+    blocks: Blocks
+    """(rows, length) of each table."""
+    bounds: Tensor | None
+    """Where each row begins, and the last one ends, for a kernel that takes rows of any length; none without one."""
+    longest: int
+
+    @classmethod
+    def of(cls, transformer: Any, hidden: Tensor, blocks: Blocks) -> Rows:
+        """The rows of `blocks` among the tokens of `hidden`; those behind the last row are one more row."""
+        longest = max(length for _, length in blocks)
+        dropout = transformer.config.attn_pdrop if transformer.training else 0.0
+        if not attends_unpadded(hidden.device, hidden.dtype, dropout):
+            return cls(blocks, None, longest)
+        lengths = [length for rows, length in blocks for _ in range(rows)]
+        behind = len(hidden) - sum(lengths)
+        bounds = torch.tensor([0, *lengths, *[behind] * (behind > 0)]).cumsum(0, dtype=torch.int32)
+        return cls(blocks, bounds.to(hidden.device), max(longest, behind))
+
+
+def attends_unpadded(device: torch.device, dtype: torch.dtype, dropout: float) -> bool:
+    """Whether attention runs on rows of any length at once: flash attention, in half precision and without dropout."""
+    if device.type != "cuda" or dropout or dtype not in {torch.bfloat16, torch.float16}:
+        return False
+    return torch.cuda.get_device_capability(device) >= (8, 0)
+
+
+def best_spread(device: torch.device, dtype: torch.dtype, dropout: float) -> float:
+    """How unlike in length, as a share, the rows of a block should be for training to be quick.
+
+    Small blocks spare a CPU the padding. A GPU prefers one large table, unless it attends to rows of any length.
+    """
+    if device.type == "cpu":
+        return 0.1
+    return 0.0 if attends_unpadded(device, dtype, dropout) else math.inf
 
 
 class Sides(NamedTuple):
@@ -104,11 +145,26 @@ def _embed(transformer: Any, input_ids: Tensor, position_ids: Tensor) -> Tensor:
     return _drop(transformer.wte(input_ids) + transformer.wpe(position_ids), transformer.drop)
 
 
-def _attend(attention: Any, parts: Tensor, blocks: Blocks) -> Tensor:
-    """Causal self-attention of (tokens, 3 * width), block by block, before the output projection.
+def _attend(attention: Any, parts: Tensor, rows: Rows) -> Tensor:
+    """Causal self-attention of (tokens, 3 * width), row by row, before the output projection."""
+    if rows.bounds is None:
+        return _attend_blocks(attention, parts, rows.blocks)
+    return _attend_rows(attention, parts, rows.bounds, rows.longest)
 
-    Rows behind the last block are no tokens: they only keep their place.
-    """
+
+def _attend_rows(attention: Any, parts: Tensor, bounds: Tensor, longest: int) -> Tensor:
+    """Attention within rows of any length, one behind the other, in one call of flash attention."""
+    from torch.nn.attention.varlen import varlen_attn  # noqa: PLC0415  (a second to import, on a GPU alone)
+
+    query, key, value = parts.view(len(parts), 3, attention.num_heads, -1).unbind(1)
+    mixed: Tensor = varlen_attn(
+        query, key, value, bounds, bounds, longest, longest, scale=attention.scaling, window_size=(-1, 0)
+    )
+    return mixed.flatten(1)
+
+
+def _attend_blocks(attention: Any, parts: Tensor, blocks: Blocks) -> Tensor:
+    """Attention block by block. Rows behind the last block are no tokens: they only keep their place."""
     dtype = parts.dtype
     if parts.device.type == "cpu" and dtype == torch.bfloat16:
         parts = parts.float()

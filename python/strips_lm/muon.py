@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from torch.optim import Optimizer
+from torch.optim.adamw import adamw
 
 from strips_lm.processor import multiplies_bfloat16
 
@@ -65,7 +66,9 @@ class MuonAdamW(Optimizer):
             updates = orthogonalise(torch.stack([part for _, part in members]).to(_newton_type(members[0][0])))
             scale = group["lr"] * max(1.0, columns / rows) ** 0.5
             for (target, _), update in zip(members, updates, strict=True):
-                target.mul_(1.0 - group["lr"] * group["weight_decay"]).add_(update.to(target.dtype), alpha=-scale)
+                if group["weight_decay"]:
+                    target.mul_(1.0 - group["lr"] * group["weight_decay"])
+                target.add_(update.to(target.dtype), alpha=-scale)
 
     def _nesterov(self, parameter: Tensor, momentum: float) -> Tensor:
         state = self.state[parameter]
@@ -76,20 +79,53 @@ class MuonAdamW(Optimizer):
         return grad.lerp(state["momentum"], momentum)
 
     def _adamw(self, group: dict[str, Any]) -> None:
+        parameters = [parameter for parameter in group["params"] if parameter.grad is not None]
+        self.make_state(parameters)
+        if parameters and parameters[0].is_cuda:
+            self.adamw_fused(group, parameters)
+            return
+        for parameter in parameters:
+            self._adamw_one(group, parameter)
+
+    def make_state(self, parameters: list[Tensor]) -> None:
+        """Zero moments for AdamW's parameters that have none."""
+        for parameter in parameters:
+            if not self.state[parameter]:
+                zeros = {name: torch.zeros_like(parameter) for name in ("mean", "square")}
+                self.state[parameter].update(step=torch.zeros(()), **zeros)
+
+    def _adamw_one(self, group: dict[str, Any], parameter: Tensor) -> None:
         first, second = group["betas"]
-        for parameter in group["params"]:
-            if parameter.grad is None:
-                continue
-            state = self.state[parameter]
-            if not state:
-                state.update(step=torch.zeros(()), mean=torch.zeros_like(parameter), square=torch.zeros_like(parameter))
-            state["step"] += 1
-            state["mean"].lerp_(parameter.grad, 1.0 - first)
-            state["square"].mul_(second).addcmul_(parameter.grad, parameter.grad, value=1.0 - second)
-            count = float(state["step"])
-            root = (state["square"] / (1.0 - second**count)).sqrt_().add_(group["eps"])
-            parameter.mul_(1.0 - group["lr"] * group["weight_decay"])
-            parameter.addcdiv_(state["mean"], root, value=-group["lr"] / (1.0 - first**count))
+        state, grad = self.state[parameter], cast("Tensor", parameter.grad)
+        state["step"] += 1
+        state["mean"].lerp_(grad, 1.0 - first)
+        state["square"].mul_(second).addcmul_(grad, grad, value=1.0 - second)
+        count = float(state["step"])
+        root = (state["square"] / (1.0 - second**count)).sqrt_().add_(group["eps"])
+        parameter.mul_(1.0 - group["lr"] * group["weight_decay"])
+        parameter.addcdiv_(state["mean"], root, value=-group["lr"] / (1.0 - first**count))
+
+    def adamw_fused(self, group: dict[str, Any], parameters: list[Tensor]) -> None:
+        """AdamW by PyTorch's kernel for all parameters at once; a GPU would wait for the launches of single ones."""
+        states = [self.state[parameter] for parameter in parameters]
+        for state, parameter in zip(states, parameters, strict=True):
+            state["step"] = state["step"].to(parameter.device)
+        adamw(
+            parameters,
+            [cast("Tensor", parameter.grad) for parameter in parameters],
+            [state["mean"] for state in states],
+            [state["square"] for state in states],
+            [],
+            [state["step"] for state in states],
+            fused=True,
+            amsgrad=False,
+            beta1=group["betas"][0],
+            beta2=group["betas"][1],
+            lr=group["lr"],
+            weight_decay=group["weight_decay"],
+            eps=group["eps"],
+            maximize=False,
+        )
 
 
 def _newton_type(parameter: Tensor) -> torch.dtype:

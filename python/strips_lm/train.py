@@ -8,7 +8,9 @@ one in minutes the clock decides. A step's loss is a mean over the whole step, w
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +25,7 @@ from strips_lm.batches import Dress, Plan, build_step, walk
 from strips_lm.checkpoint import Keeper, Progress, last_checkpoint, resume
 from strips_lm.dataset import DataSetError, entropy_floor, open_data, texts
 from strips_lm.folders import data_sets
+from strips_lm.forward import best_spread
 from strips_lm.loss import weighted
 from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
@@ -33,6 +36,7 @@ from strips_lm.watch import Clock, Signals, Watch, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from concurrent.futures import Future
 
     from torch.optim import Optimizer
     from transformers import PreTrainedModel
@@ -93,40 +97,73 @@ def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool
 
 def _loop(run: Run, watch: Watch, signals: Signals) -> int:
     train, progress = run.config.train, run.progress
-    plan = Plan(train.step_tokens, train.step_pairs, train.batch_tokens, _spread(run))
     window = _Window(run)
-    for _, records in walk(run.data, plan, run.config.seed, progress.step):
-        fraction, number = _agree(run, signals)
-        if fraction >= 1.0 or number:
-            return number
-        step = _build(run, plan, records, fraction)
-        window.add(step, _take_step(run, step, fraction))
-        progress.step, progress.tokens = progress.step + 1, progress.tokens + step.seen
-        progress.seconds = run.clock.seconds()
-        if progress.step % LOG_EVERY == 0:
-            watch.log("train", fraction, window.close(fraction))
-        if fraction >= (progress.measured + 1) * train.evaluate_every:
-            _measure(run, watch, fraction)
-        if window.due_for_saving(train.save_minutes):
-            _save_last(run)
-    return 0
+    with closing(Steps(run)) as steps:
+        while True:
+            fraction, number = _agree(run, signals)
+            if fraction >= 1.0 or number:
+                return number
+            step = steps.next(fraction)
+            window.add(step, _take_step(run, step, fraction))
+            progress.step, progress.tokens = progress.step + 1, progress.tokens + step.seen
+            progress.seconds = run.clock.seconds()
+            if progress.step % LOG_EVERY == 0:
+                watch.log("train", fraction, window.close(fraction))
+            if fraction >= (progress.measured + 1) * train.evaluate_every:
+                _measure(run, watch, fraction)
+            if window.due_for_saving(train.save_minutes):
+                _save_last(run)
+
+
+class Steps:
+    """The steps of a run, in order, on its device; a GPU has the next one built while it works on this one."""
+
+    def __init__(self, run: Run) -> None:
+        train = run.config.train
+        self.run = run
+        self.plan = Plan(train.step_tokens, train.step_pairs, train.batch_tokens, _spread(run))
+        self.walk = walk(run.data, self.plan, run.config.seed, run.progress.step)
+        self.pool = ThreadPoolExecutor(1) if _builds_ahead(run.accelerator.device) else None
+        self.ahead: Future[Step] | None = None
+
+    def next(self, fraction: float) -> Step:
+        """This process's part of the next step, `fraction` of the run being over."""
+        if self.pool is None:
+            return self._build(fraction)
+        step = self.ahead.result() if self.ahead else self._build(fraction)
+        self.ahead = self.pool.submit(self._build, fraction)
+        return step
+
+    def close(self) -> None:
+        """Ends the thread."""
+        if self.pool is not None:
+            self.pool.shutdown()
+
+    def _build(self, fraction: float) -> Step:
+        """The next step, dressed by (seed, step); `fraction` may be that of the step before."""
+        run, train, accelerator = self.run, self.run.config.train, self.run.accelerator
+        number, records = next(self.walk)
+        fraction = max(fraction, number / train.steps if train.steps else 0.0)
+        choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
+        mc_share = train.mc_share if choosing else 0.0
+        dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share)
+        seed = (run.config.seed, number, 1)
+        rank, world = accelerator.process_index, accelerator.num_processes
+        step = build_step(run.data, records, self.plan, dress, seed, rank=rank, world=world)
+        return replace(step, batches=[batch.to(accelerator.device) for batch in step.batches])
+
+
+def _builds_ahead(device: torch.device) -> bool:
+    """Whether the processor would otherwise stand by: a CPU has nobody else to work."""
+    return device.type == "cuda"
 
 
 def _spread(run: Run) -> float:
-    """Blocks of like length spare a CPU the padding; a GPU and an LSTM prefer one large table."""
-    ragged = run.accelerator.device.type == "cpu" and run.config.model.kind != "lstm"
-    return 0.1 if ragged else math.inf
-
-
-def _build(run: Run, plan: Plan, records: Any, fraction: float) -> Step:
-    """This process's part of a step, dressed by (seed, step)."""
-    train, accelerator = run.config.train, run.accelerator
-    choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
-    mc_share = train.mc_share if choosing else 0.0
-    dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share)
-    seed = (run.config.seed, run.progress.step, 1)
-    rank, world = accelerator.process_index, accelerator.num_processes
-    return build_step(run.data, records, plan, dress, seed, rank=rank, world=world)
+    """How unlike in length the rows of a block are."""
+    if run.config.model.kind == "lstm":
+        return math.inf
+    dtype = run.accelerator.unwrap_model(run.objective).dtype
+    return best_spread(run.accelerator.device, dtype, run.config.model.dropout)
 
 
 def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, float]:
@@ -135,7 +172,7 @@ def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, flo
     torch.manual_seed(hash((run.config.seed, run.progress.step, run.accelerator.process_index)))  # dropout
     sums = torch.zeros(3, dtype=torch.float64, device=run.accelerator.device)
     for batch in step.batches:
-        losses = run.objective(batch.to(run.accelerator.device))
+        losses = run.objective(batch)
         loss = weighted(losses, step.tokens, step.pairs, train.lm_weight, train.mc_weight)
         run.accelerator.backward(loss * run.accelerator.num_processes)
         sums += torch.stack([part.detach().double() for part in (losses.lm, losses.mc, losses.right)])
@@ -299,10 +336,10 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: boo
     tokenizer = _tokenizer(config, data, out, resumed)
     with accelerator.main_process_first():
         training, validation = _open(config, data, tokenizer)
-    model = make_model(config.model, tokenizer, config.seed)
+    model = make_model(config.model, tokenizer, config.seed).to(accelerator.device)
     optimizer = make_optimizer(model, config.train)
     progress = resume(last_checkpoint(out), model, optimizer) if resumed else Progress()
-    objective = Objective(model.to(accelerator.device), torch.float32).train()
+    objective = Objective(model, torch.float32).train()
     tell = say if shown and accelerator.is_main_process else lambda _: None
     choice = load_choice(out) if resumed else None
     choice = choice or _choose(config, objective, training, accelerator, tell)
