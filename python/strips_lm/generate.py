@@ -45,12 +45,14 @@ if TYPE_CHECKING:
     Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
     """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
 
-Decode = Literal["greedy", "sample", "beam", "best-of-k", "replan", "masked", "masked-replan", "search"]
+Decode = Literal[
+    "greedy", "sample", "beam", "best-of-k", "replan", "masked", "masked-replan", "search", "search-replan"
+]
 """The ways of decoding."""
 
 DECODES: tuple[str, ...] = get_args(Decode)
 
-GUIDED = ("masked", "masked-replan", "search")
+GUIDED = ("masked", "masked-replan", "search", "search-replan")
 """Of these, the ones in which the oracle says what may come next."""
 
 Rerank = Literal["head", "likelihood", "oracle"]
@@ -285,12 +287,12 @@ class Planner:
         if tasks is None:
             raise ConfigError(f"`--decode {decode}` needs the problem to be guided by")
         done, limits = _Counter(tick), self._limits()
-        renewal = Renewal(self.tokenizer, asked) if decode == "masked-replan" else None
+        renewal = Renewal(self.tokenizer, asked) if decode.endswith("-replan") else None
 
         def loop() -> MaskedLoop | SearchLoop:
             decoder, guide = self._decoder(self.config.rows), OracleGuide(self.tokenizer, asked.legends, tasks)
-            if decode == "search":
-                return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done)
+            if decode.startswith("search"):
+                return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done, renew=renewal)
             return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal)
 
         made = run_jobs(self._jobs(asked.ids), loop, self.workers)

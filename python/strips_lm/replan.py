@@ -107,7 +107,7 @@ class Encoded:
 
 
 class Renewal:
-    """New prompts for `masked-replan`: those of a text's last state, in the same slots."""
+    """New prompts for `masked-replan` and `search-replan`: those of a text's last state, in the same slots."""
 
     def __init__(self, tokenizer: PlanTokenizer, asked: Encoded) -> None:
         """For the prompts that were asked first.
@@ -116,7 +116,7 @@ class Renewal:
             ConfigError: a prompt does not list its objects, so that its slots would not be the same from another state.
         """
         if any("<OBJECTS>" not in prompt for prompt in asked.prompts):
-            raise ConfigError("`masked-replan` needs prompts that list their objects\nhint: the style `typed` does")
+            raise ConfigError("planning anew needs prompts that list their objects\nhint: the style `typed` does")
         self.tokenizer, self.asked = tokenizer, asked
 
     def __call__(self, written: Sequence[tuple[int, Sequence[int]]]) -> list[list[int]]:

@@ -22,7 +22,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--suite", action="append", metavar="NAME", help="a suite (again for more; default: all eight)")
     own = "PDDL problems of the data set's domain as a suite (again for more); without `--suite` they are all"
     parser.add_argument("--problems", action="append", metavar="FOLDER", help=own)
-    ways = "greedy, sample, beam, best-of-k, replan, masked, masked-replan or search (again for more)"
+    ways = "greedy, sample, beam, best-of-k, replan, masked, masked-replan, search or search-replan (again for more)"
     parser.add_argument("--decode", action="append", metavar="NAME", help=ways)
     parser.add_argument("--limit", type=int, metavar="N", help="prompts a suite (0: all)")
     parser.add_argument("--preset", metavar="NAME", help="a preset or TOML file to start from")

@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--decode",
         default="greedy",
         metavar="NAME",
-        help="greedy, sample, beam, best-of-k, replan, masked, masked-replan or search",
+        help="greedy, sample, beam, best-of-k, replan, masked, masked-replan, search or search-replan",
     )
     parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
     fallback = "where the model comes to no plan, masked or by search, have the oracle's own search answer, and say so"

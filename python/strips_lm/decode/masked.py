@@ -85,6 +85,11 @@ class _Text:
         return Generation(self.job.prompt, self.job.draw, tokens, finished, 0.0, self.choices, self.removed)
 
 
+def room_for(job: Job, most: int, context: int, *, renewed: bool) -> int:
+    """Tokens that a text may have; the context need not hold the last, which is never fed, nor steps forgotten."""
+    return most if renewed else min(most, context + 1 - len(job.ids))
+
+
 def is_full(tokens: Sequence[int], room: int, stop: int) -> bool:
     """Whether no more tokens, or not even these, have room."""
     return len(tokens) > room or (len(tokens) == room and tokens[-1] != stop)
@@ -138,7 +143,9 @@ class MaskedLoop:
         first = len(self.texts)
         new = [waiting.pop() for _ in range(min(self.capacity - first, len(waiting)))]
         rows, forced = self.guide.add([job.prompt for job in new])
-        fresh = [_Text(job, row, self._room(job)) for job, row in zip(new, rows, strict=True)]
+        most, context, renewed = self.limits.max_new, self.decoder.context, self.renew is not None
+        rooms = [room_for(job, most, context, renewed=renewed) for job in new]
+        fresh = [_Text(job, row, room) for job, row, room in zip(new, rows, rooms, strict=True)]
         for text, tokens in zip(fresh, forced, strict=True):
             text.tokens.extend(tokens)
         fresh = [text for text, ended in zip(fresh, self._ended(fresh), strict=True) if not ended]
@@ -162,12 +169,6 @@ class MaskedLoop:
             self.decoder.clear(row, 1)
             chunks[row] = [*prompt, *self.texts[row].tokens[begins[row] :]]
         return chunks
-
-    def _room(self, job: Job) -> int:
-        """Tokens that a text may have; the context need not hold the last, which is never fed."""
-        if self.renew is not None:
-            return self.limits.max_new
-        return min(self.limits.max_new, self.decoder.context + 1 - len(job.ids))
 
     def _choose(self, logits: Tensor) -> None:
         """The likeliest allowed token of each row, and what is forced after it."""

@@ -8,6 +8,9 @@ seconds, each call's time shared among the prompts that it served, may be set be
 Price: one model call a prefix, batched over the prompts. A row of the cache keeps what the next prefix shares with the
 last one and is fed the rest.
 
+Asked to renew its prompt (`Renew`), the model forgets the steps that are done and reads the state that they led to as a
+new prompt: the price is then a whole prompt for each first prefix of a step, and no text is too long.
+
 It is anytime: asked for shorter plans, it keeps the best so far and goes on, among prefixes that can still become
 shorter ones, until its budget is spent or nothing is left, and then the plan is a shortest one.
 """
@@ -16,14 +19,14 @@ from __future__ import annotations
 
 import heapq
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from typing import TYPE_CHECKING, Protocol
 
 import torch
 
 from strips_lm.decode.loop import Generation, pad
-from strips_lm.decode.masked import Guide, cut
+from strips_lm.decode.masked import Guide, cut, room_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Sequence
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from strips_lm.decode.loop import Decoder, Job, Limits
+    from strips_lm.decode.masked import Renew
 
 
 class SearchGuide(Guide, Protocol):
@@ -43,7 +47,7 @@ class SearchGuide(Guide, Protocol):
         """The state after `tokens`, from the one `before` them (`None` at the start); equal values are equal states."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, kw_only=True)
 class _Prefix:
     """A text so far, at a choice or at its end."""
 
@@ -52,7 +56,11 @@ class _Prefix:
     tokens: list[int]
     state: Hashable
     cost: float
-    steps: int = 0
+    steps: int
+    prompt: Sequence[int] | None
+    """What the model reads before it; none where a prompt of its last state is still to be made."""
+    begin: int = 0
+    """Where, in `tokens`, the part that the model reads after that prompt begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,9 +115,14 @@ class SearchLoop:
         *,
         budget: Budget,
         on_done: Callable[[Generation], None] | None = None,
+        renew: Renew | None = None,
     ) -> None:
-        """Each search has the budget; `on_done` is called for each that is over."""
+        """Each search has the budget; `on_done` is called for each that is over.
+
+        With `renew` the model forgets the steps of a prefix that are done.
+        """
         self.decoder, self.guide, self.limits, self.budget, self.on_done = decoder, guide, limits, budget, on_done
+        self.renew = renew
         self.capacity = len(decoder.lengths)
         self.device = decoder.lengths.device
         self.done: dict[tuple[int, int], Generation] = {}
@@ -136,16 +149,10 @@ class SearchLoop:
         found = []
         for job, row, tokens in zip(jobs, rows, forced, strict=True):
             state = self.guide.arrive(None, tokens)
-            room = min(self.limits.max_new, self.decoder.context + 1 - len(job.ids))
-            found.append(
-                _Search(
-                    job,
-                    room,
-                    _Prefix(row, tokens, state, 0.0, tokens.count(self.guide.step)),
-                    seen={state: 0},
-                    rows=[row],
-                )
-            )
+            prompt, steps = list(map(int, job.ids)), tokens.count(self.guide.step)
+            first = _Prefix(row=row, tokens=tokens, state=state, cost=0.0, steps=steps, prompt=prompt)
+            room = room_for(job, self.limits.max_new, self.decoder.context, renewed=self.renew is not None)
+            found.append(_Search(job, room, first, seen={state: 0}, rows=[row]))
         going = self.guide.is_open(rows)
         begun = [(s, more and len(s.now.tokens) < s.room) for s, more in zip(found, going, strict=True)]
         return self._close(begun)
@@ -174,6 +181,7 @@ class SearchLoop:
 
     def _expand(self, searches: Sequence[_Search]) -> None:
         """Ask the model about each search's prefix."""
+        self._renew([search for search in searches if search.now.prompt is None])
         chunks = [self._rest(row, search) for row, search in enumerate(searches)]
         logits = self.decoder.feed(0, *pad(chunks, self.device)).float().cpu()
         allowed = torch.from_numpy(self.guide.mask([search.now.row for search in searches]))
@@ -184,9 +192,17 @@ class SearchLoop:
             search.calls += 1
             search.removed += removed[index]
 
+    def _renew(self, searches: Sequence[_Search]) -> None:
+        """Makes the prompts of the last states of the searches' prefixes."""
+        if self.renew is None or not searches:
+            return
+        prompts = self.renew([(search.job.prompt, search.now.tokens[: search.now.begin]) for search in searches])
+        for search, prompt in zip(searches, prompts, strict=True):
+            search.now.prompt = prompt
+
     def _rest(self, row: int, search: _Search) -> list[int]:
         """What the decoder's row lacks of a prefix, at least its last token."""
-        whole = [*map(int, search.job.ids), *search.now.tokens]
+        whole = [*(search.now.prompt or ()), *search.now.tokens[search.now.begin :]]
         same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(search.held, whole, strict=False)))
         search.held = whole
         return whole[self.decoder.rewind(row, min(same, len(whole) - 1)) :]
@@ -217,8 +233,12 @@ class SearchLoop:
         row = self.guide.fork(parent.row)
         search.rows.append(row)
         new = [token, *self.guide.advance([row], [token])[0]]
-        steps = parent.steps + new.count(self.guide.step)
-        return _Prefix(row, parent.tokens + new, self.guide.arrive(parent.state, new), cost, steps)
+        steps, state = parent.steps + new.count(self.guide.step), self.guide.arrive(parent.state, new)
+        prefix = replace(parent, row=row, tokens=parent.tokens + new, state=state, cost=cost, steps=steps)
+        begun = max((i for i, made in enumerate(new) if made == self.guide.step), default=None)
+        if self.renew is not None and begun is not None:
+            prefix.prompt, prefix.begin = None, len(parent.tokens) + begun
+        return prefix
 
     def _is_new(self, search: _Search, prefix: _Prefix, parent: _Prefix) -> bool:
         """Whether a prefix has room, can go on, and is within a step or at a state not reached before.
