@@ -294,6 +294,15 @@ def test_a_search_that_renews_its_prompts_reads_the_last_state_and_the_step_begu
     assert renewed >= 5
 
 
+@pytest.mark.parametrize("ways", [("masked", "search"), ("masked-replan", "search-replan")])
+def test_by_discrepancy_the_model_s_favourites_come_first(questions: Questions, ways: tuple[str, str]) -> None:
+    found = planner(1, "generate.search_order=discrepancy", "generate.search_calls=3000")
+    favourite, searched = (found.complete(questions.prompts, way, tasks=questions.oracle()).completions for way in ways)
+    assert any(text.finished for text in favourite)
+    for text, other in zip(favourite, searched, strict=True):
+        assert other.text == text.text or not text.finished
+
+
 def test_search_gives_up_after_its_calls(questions: Questions) -> None:
     made = planner(1, "generate.search_calls=2").complete(questions.prompts, "search", tasks=questions.oracle())
     assert all(c.choices <= 2 for c in made.completions)

@@ -303,7 +303,8 @@ class Planner:
 
     def _budget(self) -> Budget:
         config = self.config
-        return Budget(calls=config.search_calls, seconds=config.search_seconds, shorter=config.search_shorter)
+        shorter, order = config.search_shorter, config.search_order
+        return Budget(calls=config.search_calls, seconds=config.search_seconds, shorter=shorter, order=order)
 
     def _limits(self) -> Limits:
         return Limits(stop=self.tokenizer.end_id, max_new=self.config.max_new)

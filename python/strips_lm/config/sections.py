@@ -282,6 +282,9 @@ class GenerateConfig:
     """`search`: a prompt's share of the time after which it gives up as well; 0 is no limit, and repeatable."""
     search_shorter: bool = False
     """`search`: whether it looks for shorter plans after the first, until its budget is spent."""
+    search_order: Literal["probability", "discrepancy"] = "probability"
+    """`search`: what goes on next, the likeliest text, or the one that gives up least against the model's favourite at
+    each choice: that finds more plans of problems far larger than the training's, and longer ones."""
     fallback: bool = False
     """`masked`, `search`: whether the oracle's own search answers where the model comes to no plan."""
     fallback_seconds: float = 10.0

@@ -1,6 +1,9 @@
 """Best-first search under a guide: of all prefixes so far, the one that the model finds likeliest is continued next.
 
-A prefix costs minus the logarithm of its probability among what the guide allows; forced tokens cost nothing. A state
+A prefix costs minus the logarithm of its probability among what the guide allows; forced tokens cost nothing. Or it
+costs only what it gives up against the model's favourite at each choice, so that the favourites are followed to their
+end first, and what is tried next leaves them where the model doubts most (limited discrepancy search, Harvey & Ginsberg
+1995, in nats): deeper on problems larger than any that the model has seen, with longer plans. A state
 that was reached before, by a likelier prefix, is not continued again, so the search goes round no circle and backs out
 of every dead end. It gives up after a number of model calls, so that the same budget gives the same answer; a budget of
 seconds, each call's time shared among the prompts that it served, may be set beside it.
@@ -21,7 +24,7 @@ import heapq
 import time
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import torch
 
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
 
     from strips_lm.decode.loop import Decoder, Job, Limits
     from strips_lm.decode.masked import Renew
+
+
+Order: TypeAlias = Literal["probability", "discrepancy"]
 
 
 class SearchGuide(Guide, Protocol):
@@ -65,7 +71,7 @@ class _Prefix:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """When a search gives up, and whether it goes on after its first plan."""
+    """When a search gives up, whether it goes on after its first plan, and what it tries next."""
 
     calls: int
     """Calls of the model."""
@@ -73,6 +79,8 @@ class Budget:
     """A prompt's share of the time; 0 is no limit."""
     shorter: bool = False
     """Whether to look for shorter plans until the budget is spent."""
+    order: Order = "probability"
+    """What a prefix costs: by its probability, or by what it gives up against the model's favourites."""
 
 
 @dataclass(slots=True)
@@ -96,9 +104,11 @@ class _Search:
     seconds: float = 0.0
     removed: float = 0.0
 
-    def push(self, log_probs: Tensor, allowed: Tensor) -> None:
+    def push(self, log_probs: Tensor, allowed: Tensor, order: Order) -> None:
         """Open every allowed continuation of the prefix; of equals the lowest token first."""
         tokens = allowed.nonzero()[:, 0].tolist()
+        if order == "discrepancy":
+            log_probs = log_probs - log_probs.max()
         for token, log_prob in zip(tokens, log_probs[allowed].tolist(), strict=True):
             heapq.heappush(self.open, (self.now.cost - log_prob, self.pushed, self.now, token))
             self.pushed += 1
@@ -188,7 +198,7 @@ class SearchLoop:
         removed = logits.softmax(-1).masked_fill_(allowed, 0.0).sum(-1).tolist()
         log_probs = logits.masked_fill(~allowed, -torch.inf).log_softmax(-1)
         for index, search in enumerate(searches):
-            search.push(log_probs[index], allowed[index])
+            search.push(log_probs[index], allowed[index], self.budget.order)
             search.calls += 1
             search.removed += removed[index]
 
