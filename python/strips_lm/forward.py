@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import torch
 from torch.nn import functional as F
@@ -157,10 +157,10 @@ def _attend_rows(attention: Any, parts: Tensor, bounds: Tensor, longest: int) ->
     from torch.nn.attention.varlen import varlen_attn  # noqa: PLC0415  (a second to import, on a GPU alone)
 
     query, key, value = parts.view(len(parts), 3, attention.num_heads, -1).unbind(1)
-    mixed: Tensor = varlen_attn(
+    mixed = varlen_attn(
         query, key, value, bounds, bounds, longest, longest, scale=attention.scaling, window_size=(-1, 0)
     )
-    return mixed.flatten(1)
+    return cast("Tensor", mixed).flatten(1)
 
 
 def _attend_blocks(attention: Any, parts: Tensor, blocks: Blocks) -> Tensor:
