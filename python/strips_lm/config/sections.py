@@ -72,7 +72,8 @@ class DataConfig:
     train_template_share: float = 0.15
     """The same share for training and validation: templates are learnt long before random problems are."""
     midway_share: float = 0.0
-    """Share of training's problems of two steps and more that are trained from a state on their way, too."""
+    """Share of training's problems of two steps and more that are trained from a state on their way, too; of a template
+    with few problems from several."""
     train_steps_power: int = 0
     """There a problem is as likely as its shortest plan's steps to this power; 0 draws all alike, as suites do. 1 is
     better at long plans and worse at more objects (docs/experiments.md)."""

@@ -50,7 +50,8 @@ pub struct RecordConfig {
     pub template_share: f64,
     /// The same share for training and validation.
     pub train_template_share: f64,
-    /// Share of training's problems of two steps and more that are trained from midway, too.
+    /// Share of training's problems of two steps and more that are trained from midway, too; of a template with few
+    /// problems from several states.
     pub midway_share: f64,
     /// In training and validation a problem is as likely as its shortest plan's steps to this power.
     pub train_steps_power: u32,

@@ -11,13 +11,26 @@ use crate::negative::Goal;
 use crate::pddl::ast::Problem;
 use crate::task::{LimitError, State, Task};
 
-/// The same goal from a drawn state strictly between both ends of one of the problem's plans, solved; none where the
-/// problem is not drawn, or has no such state.
+/// As many states as this are drawn, if it can be, on the way of all problems of a template together.
+const ENOUGH: usize = 200;
+
+/// The most states that are drawn on the way of one problem.
+const MOST: usize = 16;
+
+/// States to draw on the way of each problem, of so many that come from one place: where there are few, a model knows
+/// by heart what each takes, unless it is asked from every state on the way.
+pub(super) fn draws(problems: usize) -> usize {
+    (ENOUGH / problems.max(1)).clamp(1, MOST)
+}
+
+/// The same goal from a drawn state strictly between both ends of one of the problem's plans, solved, for the `number`th
+/// time; none where the problem is not drawn, or has no such state.
 ///
 /// # Errors
 /// When the work is interrupted.
-pub(super) fn midway(workshop: &Workshop, whole: &Shape) -> Result<Option<Shape>, LimitError> {
-    let mut random = workshop.random(&format!("midway {:x}", whole.hash));
+pub(super) fn midway(workshop: &Workshop, whole: &Shape, number: usize) -> Result<Option<Shape>, LimitError> {
+    let again = if number == 0 { String::new() } else { format!(" {number}") };
+    let mut random = workshop.random(&format!("midway {:x}{again}", whole.hash));
     if !random.chance(workshop.config.midway_share) {
         return Ok(None);
     }

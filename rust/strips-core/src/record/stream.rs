@@ -9,7 +9,7 @@ use super::config::{ConfigMistake, RecordConfig};
 use super::draw::Book;
 use super::given_problems::{self, Given};
 use super::large_problems;
-use super::midway_problems::midway;
+use super::midway_problems::{draws, midway};
 use super::problems::Workshop;
 use super::random_problems::{self, Start, Wanted};
 use super::shape::Shape;
@@ -270,8 +270,13 @@ fn midways(workshop: &Workshop, solved: &Solved, held_out: &[usize]) -> Result<V
         return Ok(Vec::new());
     }
     let kept = solved.templates.iter().enumerate().filter(|(number, _)| !held_out.contains(number));
-    let whole: Vec<&Shape> = kept.flat_map(|(_, shapes)| shapes).chain(&solved.given).chain(&solved.random).collect();
-    let found = whole.par_iter().map(|shape| midway(workshop, shape)).collect::<Result<Vec<_>, _>>()?;
+    let groups = kept.map(|(_, shapes)| shapes).chain([&solved.given]).map(|shapes| (shapes, draws(shapes.len())));
+    let whole: Vec<(&Shape, usize)> = groups
+        .chain([(&solved.random, 1)])
+        .flat_map(|(shapes, draws)| shapes.iter().flat_map(move |shape| (0..draws).map(move |number| (shape, number))))
+        .collect();
+    let found = whole.par_iter().map(|&(shape, number)| midway(workshop, shape, number));
+    let found = found.collect::<Result<Vec<_>, _>>()?;
     Ok(found.into_iter().flatten().collect())
 }
 
