@@ -67,3 +67,15 @@ fn carried(from: &Task, state: &State, to: &Task) -> State {
     to.derive(&mut carried);
     carried
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_problems_get_several_states_and_many_get_one() {
+        assert_eq!([6, 48, 95, 200, 400].map(draws), [MOST, 4, 2, 1, 1]);
+        assert!((1..1000).all(|problems| draws(problems) * problems <= ENOUGH.max(problems)));
+        assert_eq!(draws(0), MOST);
+    }
+}
