@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use numpy::PyArray1;
 use pyo3::PyResult;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::marker::Python;
@@ -49,9 +50,19 @@ pub fn run<T: Send>(
                 return Err(raised);
             }
         }
-        Ok(())
+        // A signal of the last moment: the caller's next Python code may be where an exception is a panic.
+        py.check_signals()
     })?;
     result.expect("the scope waits for the work, and passes its panics on").map_err(|error| limit_error(py, &error))
+}
+
+/// Loads NumPy's C API while nothing is at stake: the `numpy` crate does so with the first array, runs Python code for it,
+/// and panics where a signal that came during the work before is raised in there.
+pub fn load_numpy(py: Python<'_>) -> PyResult<()> {
+    py.import("numpy")?;
+    py.check_signals()?;
+    PyArray1::<u8>::zeros(py, 0, false);
+    Ok(())
 }
 
 /// Waits a little for the work; whether it has ended. The exclusive borrow lets the wait happen off the interpreter.

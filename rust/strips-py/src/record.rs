@@ -40,6 +40,7 @@ impl RecordStream {
         problems: Vec<File>,
         jobs: usize,
     ) -> PyResult<Self> {
+        interrupt::load_numpy(py)?;
         let config: RecordConfig =
             serde_json::from_str(config).map_err(|error| DataError::new_err(format!("configuration: {error}")))?;
         let source = |(name, text): File| Source::new(name, text);
