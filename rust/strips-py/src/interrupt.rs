@@ -56,7 +56,7 @@ pub fn run<T: Send>(
     result.expect("the scope waits for the work, and passes its panics on").map_err(|error| limit_error(py, &error))
 }
 
-/// Loads NumPy's C API while nothing is at stake: the `numpy` crate does so with the first array, runs Python code for it,
+/// Loads the C API of `numpy` while nothing is at stake: the crate does so with the first array, runs Python code for it,
 /// and panics where a signal that came during the work before is raised in there.
 pub fn load_numpy(py: Python<'_>) -> PyResult<()> {
     py.import("numpy")?;
