@@ -29,6 +29,7 @@ pub(super) fn draws(problems: usize) -> usize {
 /// # Errors
 /// When the work is interrupted.
 pub(super) fn midway(workshop: &Workshop, whole: &Shape, number: usize) -> Result<Option<Shape>, LimitError> {
+    // The first draw has the name it had when there was but one: data sets keep their bytes.
     let again = if number == 0 { String::new() } else { format!(" {number}") };
     let mut random = workshop.random(&format!("midway {:x}{again}", whole.hash));
     if !random.chance(workshop.config.midway_share) {
