@@ -119,7 +119,8 @@ def _folded(title: str, body: str) -> str:
 def _opening(results: Results) -> str:
     models, suites = len(results.models), len(ordered(s.suite for s in results.scores))
     prompts = sum(s.prompts for s in results.scores)
-    line = f"{models} models, {suites} suites, {prompts:,} plans checked; {escape(results.created[:10])}"
+    of = f"{models} model{'s' * (models != 1)}, {suites} suite{'s' * (suites != 1)}"
+    line = f"{of}, {prompts:,} plans checked; {escape(results.created[:10])}"
     return f'<p class="faint">{line}</p>{sections.cards(results)}'
 
 
