@@ -4,9 +4,9 @@ An epoch is one permutation of the records, a pure function of (seed, epoch). It
 scored and unscored tokens (or of `step_pairs` pairs); the records of a step are sorted by length and cut into
 batches of at most `batch_tokens` padded tokens, and every process takes each `world`-th row of a batch. A step mixes
 all lengths on purpose: steps of one length each have no padding, but learn half as fast a token
-(docs/experiments.md). What a record looks like (slots renumbered, position offset, whether its negative comes along)
-is a function of (seed, epoch, record), so that a run can go on from any step without any other state. This module
-knows numbers, not text.
+(docs/experiments.md). What a record looks like (slots renumbered or given names, position offset, whether its negative
+comes along) is a function of (seed, epoch, record), so that a run can go on from any step without any other state. This
+module knows numbers, not text.
 """
 
 from __future__ import annotations
@@ -141,6 +141,8 @@ class Dress:
     """Largest random start position."""
     offset_share: float = 1.0
     """Share of the records that start at a random position; the others start at 0."""
+    short_names: float = 0.0
+    """Share of the names drawn for slots that have one piece; read where the data set has a `spelling`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +209,14 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
     groups: list[Group] = []
     for record, offset, pair, renumber in zip(records, offsets, paired, renumbered, strict=True):
         parts = [data.prompts[record], data.positives[record], data.negatives[record]]
-        if renumber and data.slots[1]:
+        if data.spelling is not None:
+            parts = data.spelling.spell(parts, rng, dress.short_names)
+        elif renumber and data.slots[1]:
             parts = _renumber(parts, data.slots, rng)
         positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
         groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))) if pair else (positive,))
+    if data.spelling is not None:
+        groups.sort(key=lambda group: max(map(len, group)))
     return groups
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from strips_lm.spelling import Spelling
     from strips_lm.tokenizer import PlanTokenizer
 
 COLUMNS = ("index", "prompt", "completion", "negative", "words", "plan_count")
@@ -109,6 +110,8 @@ class PlanDataset:
     """The padding token."""
     slots: tuple[int, int]
     """(first, count) of the tokens that may be renumbered."""
+    spelling: Spelling | None = None
+    """How names are drawn for the slots, where the model is to read spelled ones."""
     mixed: tuple[tuple[str, int], ...] = ()
     """Of a mixture, the name of each data set and the number of its first record."""
 

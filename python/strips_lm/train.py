@@ -146,7 +146,8 @@ class Steps:
         fraction = max(fraction, number / train.steps if train.steps else 0.0)
         choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
         mc_share = train.mc_share if choosing else 0.0
-        dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share)
+        short = max(0.0, 1.0 - fraction / train.short_names) if train.short_names else 0.0
+        dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share, short)
         seed = (run.config.seed, number, 1)
         rank, world = accelerator.process_index, accelerator.num_processes
         step = build_step(run.data, records, self.plan, dress, seed, rank=rank, world=world)
@@ -400,8 +401,10 @@ def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanT
 def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:
     """The training and the validation split."""
     context, room = config.model.context, config.train.position_offset
-    training = open_data(data, "train", tokenizer, context, room)
+    slotted = tokenizer.slotted
+    training = open_data(data, "train", slotted, context, room)
     own, share = config.train.own_negatives, config.train.own_share
     if own:
-        training = with_negatives(training, own, tokenizer, context - room, share=share, seed=config.seed)
+        training = with_negatives(training, own, slotted, context - room, share=share, seed=config.seed)
+    training = replace(training, spelling=tokenizer.spelling(context - room))
     return training, open_data(data, "validation", tokenizer, context)

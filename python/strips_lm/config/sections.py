@@ -128,12 +128,13 @@ class DataConfig:
 class TokenizerConfig:
     """How text becomes tokens."""
 
-    kind: Literal["canonical", "bpe"] = "canonical"
-    """`canonical`: the lossless rewriting and a small vocabulary of words; `bpe`: byte-level BPE over the text."""
+    kind: Literal["canonical", "spelled", "bpe"] = "canonical"
+    """`canonical`: the lossless rewriting and a small vocabulary of words; `spelled`: the same with every object's name
+    in pieces of a byte-level BPE over names; `bpe`: byte-level BPE over the text."""
     source: str = ""
     """`bpe`: a pre-trained tokenizer's name or folder (`gpt2`); empty trains one on the corpus."""
     vocab_size: int = 1024
-    """`bpe` trained on the corpus: its vocabulary, our special tokens among them."""
+    """`bpe` trained on the corpus, `spelled`: the vocabulary, our special tokens among them."""
     layout: Literal["difference", "report"] = "difference"
     """`canonical`: goal and states as differences, or spelled out as in the report (slots alone)."""
     max_slots: int = 32
@@ -186,7 +187,7 @@ class TrainConfig:
     minutes: float = 5.0
     """Wall-clock budget; 0 leaves the end to `steps`. Where both are given the earlier ends the run."""
     step_tokens: int = 4096
-    """Tokens an optimisation step (prompts, plans and negatives), over all processes."""
+    """Tokens an optimisation step (prompts and plans), over all processes; `spelled` counts a name as one."""
     step_pairs: int = 0
     """Records an optimisation step instead of `step_tokens`; 0 counts tokens."""
     batch_tokens: int = 8192
@@ -230,6 +231,9 @@ class TrainConfig:
     renumber_share: float = 0.33
     """`canonical`: share of the records with random increasing slot numbers, so that more objects than the training's
     are no news."""
+    short_names: float = 0.0
+    """`spelled`: share of the run in which names drawn for training grow from one piece to several: what copying is, is
+    learnt from short ones much sooner."""
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     """Type that the layers run in; `auto` is what the trial finds faster, or without one bfloat16 where the processor
     has instructions for it."""
@@ -253,7 +257,7 @@ class TrainConfig:
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
         check(bool(self.own_negatives) or not self.own_share, "`train.own_share` needs `train.own_negatives`")
-        for share in ("mc_share", "own_share", "offset_share", "renumber_share"):
+        for share in ("mc_share", "own_share", "offset_share", "renumber_share", "short_names"):
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 
 

@@ -1,9 +1,10 @@
-"""Text to tokens and back, byte for byte: one interface, two ways, each saved beside the model.
+"""Text to tokens and back, byte for byte: one interface, three ways, each saved beside the model.
 
 `bpe` tokenizes the text as it stands; `canonical` rewrites it first (the Rust `CanonicalCodec`) and then has a word
-for every token. Both hold a `PreTrainedTokenizerFast`. What a text means is not known here.
+for every token; `spelled` is `canonical` with names in pieces. All hold a `PreTrainedTokenizerFast`. What a text means
+is not known here.
 
-A record's text is its prompt, a space and its completion. Both ways tokenize the two apart, so that a prompt has the
+A record's text is its prompt, a space and its completion. All ways tokenize the two apart, so that a prompt has the
 same tokens in training and in generation.
 """
 
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 from strips_lm.tokenizer.base import END, SPECIAL, START, PlanTokenizer, TokenizerError, fingerprint, read_settings
 from strips_lm.tokenizer.bpe import BpeTokenizer
 from strips_lm.tokenizer.canonical import CanonicalTokenizer
+from strips_lm.tokenizer.spelled import SpelledTokenizer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,6 +30,7 @@ __all__ = [
     "BpeTokenizer",
     "CanonicalTokenizer",
     "PlanTokenizer",
+    "SpelledTokenizer",
     "TokenizerError",
     "fingerprint",
     "load",
@@ -42,6 +45,8 @@ def load(folder: str | Path) -> PlanTokenizer:
         TokenizerError: the folder holds none of ours.
     """
     kind = read_settings(folder)["kind"]
+    if kind == "spelled":
+        return SpelledTokenizer.load(folder)
     return BpeTokenizer.load(folder) if kind == "bpe" else CanonicalTokenizer.load(folder)
 
 
@@ -49,4 +54,6 @@ def make(config: TokenizerConfig, data: Path, texts: Iterable[str]) -> PlanToken
     """The tokenizer that a configuration asks for, for the data set in `data`; `texts` are records to learn from."""
     if config.kind == "canonical":
         return CanonicalTokenizer.of_data(data, config.max_slots, config.layout)
+    if config.kind == "spelled":
+        return SpelledTokenizer.of_data(data, texts, config.vocab_size)
     return BpeTokenizer.pretrained(config.source) if config.source else BpeTokenizer.train(texts, config.vocab_size)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from transformers import PreTrainedTokenizerFast
 
     from strips_lm._native import Domain
+    from strips_lm.spelling import Spelling
 
     Ids = NDArray[np.int32]
 
@@ -57,6 +58,13 @@ class PlanTokenizer(Protocol):
     @property
     def end_id(self) -> int:
         """The token that ends a record, and pads."""
+
+    @property
+    def slotted(self) -> PlanTokenizer:
+        """The tokenizer of training's texts: itself, or one with slots in which `spelling` draws names."""
+
+    def spelling(self, most: int) -> Spelling | None:
+        """How names are drawn for slots, in records of at most `most` tokens; None where slots, if any, are tokens."""
 
     def of_domain(self, domain: Domain) -> Self:
         """The same tokens for texts of one domain, of the several that a mixture's tokenizer knows."""

@@ -95,6 +95,15 @@ class BpeTokenizer:
         del domain
         return self
 
+    @property
+    def slotted(self) -> Self:
+        """Itself: a model sees the tokens that are stored."""
+        return self
+
+    def spelling(self, most: int) -> None:
+        """None: no names are drawn."""
+        del most
+
     def encode_prompts(self, prompts: Sequence[str]) -> tuple[list[Ids], list[Any]]:
         """Token ids of each prompt; legends are None."""
         return self._encode(prompts), [None] * len(prompts)

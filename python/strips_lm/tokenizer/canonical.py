@@ -49,7 +49,7 @@ class CanonicalTokenizer:
         self.words = codec.vocabulary(max_slots)
         self.ids = {word: index for index, word in enumerate(self.words)}
         self.slots = (codec.first_slot, max_slots)
-        self.hf = _word_level(self.ids)
+        self.hf = word_level(self.ids)
         self.domains = _domains(codec)
         self.domain = 0 if len(self.domains) == 1 else None
 
@@ -115,6 +115,15 @@ class CanonicalTokenizer:
         """The token that ends a record, and pads."""
         return self.ids[END]
 
+    @property
+    def slotted(self) -> Self:
+        """Itself: a model sees the tokens that are stored."""
+        return self
+
+    def spelling(self, most: int) -> None:
+        """None: no names are drawn."""
+        del most
+
     def encode_prompts(self, prompts: Sequence[str]) -> tuple[list[Ids], list[Any]]:
         """Token ids and the legend of each prompt."""
         rows, _, legends = self._encode(prompts, None)
@@ -177,7 +186,8 @@ def _too_many_objects(max_slots: int) -> str:
     return f"more objects than the tokenizer's {max_slots} slots\nhint: train with a larger `tokenizer.max_slots`"
 
 
-def _word_level(ids: dict[str, int]) -> PreTrainedTokenizerFast:
+def word_level(ids: dict[str, int]) -> PreTrainedTokenizerFast:
+    """A tokenizer of transformers' kind over words parted by white space."""
     tokenizer = Tokenizer(models.WordLevel(ids, unk_token=END))
     tokenizer.pre_tokenizer = pre_tokenizers.WhitespaceSplit()
     fast: Any = PreTrainedTokenizerFast
