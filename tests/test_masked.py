@@ -320,7 +320,7 @@ def test_a_row_rewound_gives_the_logits_of_a_fresh_one(questions: Questions) -> 
         torch.testing.assert_close(decoder.feed(0, *pad(rest, decoder.lengths.device)), wanted)
 
 
-def test_spelled_names_cannot_be_guided(questions: Questions) -> None:
+def test_a_text_as_it_stands_cannot_be_guided(questions: Questions) -> None:
     bpe = BpeTokenizer.train(questions.prompts, 300)
     found = Planner(untrained(1), bpe, RunConfig.load(None, KEYS).generate)
     with pytest.raises(ConfigError, match="only a model on canonical words"):

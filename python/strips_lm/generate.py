@@ -26,11 +26,11 @@ from strips_lm.decode.masked import MaskedLoop
 from strips_lm.decode.search import Budget, SearchLoop
 from strips_lm.fallback import Fallback
 from strips_lm.forward import hidden_at
-from strips_lm.guide import OracleGuide
 from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
 from strips_lm.replan import Encoded, Renewal, replan
+from strips_lm.spelled_guide import oracle_guide
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -290,7 +290,7 @@ class Planner:
         renewal = Renewal(self.tokenizer, asked) if decode.endswith("-replan") else None
 
         def loop() -> MaskedLoop | SearchLoop:
-            decoder, guide = self._decoder(self.config.rows), OracleGuide(self.tokenizer, asked.legends, tasks)
+            decoder, guide = self._decoder(self.config.rows), oracle_guide(self.tokenizer, asked.legends, tasks)
             if decode.startswith("search"):
                 return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done, renew=renewal)
             return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal)
@@ -298,7 +298,7 @@ class Planner:
         made = run_jobs(self._jobs(asked.ids), loop, self.workers)
         if not self.config.fallback:
             return made
-        oracle = Fallback(OracleGuide(self.tokenizer, asked.legends, tasks), self.config.fallback_seconds)
+        oracle = Fallback(oracle_guide(self.tokenizer, asked.legends, tasks), self.config.fallback_seconds)
         return [g if g.finished else oracle.answer(g) for g in made]
 
     def _budget(self) -> Budget:

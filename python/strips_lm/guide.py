@@ -1,7 +1,7 @@
 """The oracle as a guide for masked decoding: the automaton of executable plans, for numbered prompts.
 
-It joins the tokenizer's words and the prompts' tasks; what may come next is decided in Rust. Canonical words only: in
-them an operator is a fixed sequence of tokens, which it is not where names are spelled.
+It joins the tokenizer's words and the prompts' tasks; what may come next is decided in Rust. Canonical words only;
+`spelled_guide` puts names in the place of slots. In the text as it stands an operator is no fixed sequence of tokens.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from strips_lm import _native
 from strips_lm.config import ConfigError
-from strips_lm.tokenizer import CanonicalTokenizer
+from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Sequence
@@ -129,16 +129,18 @@ class OracleGuide:
 
 
 def canonical(tokenizer: PlanTokenizer) -> CanonicalTokenizer:
-    """The tokenizer, if the oracle can guide in its words.
+    """The canonical words in which the oracle can guide a model: the tokenizer, or what it spells names in.
 
     Raises:
-        ConfigError: it is another one.
+        ConfigError: it has none.
     """
+    if isinstance(tokenizer, SpelledTokenizer):
+        return tokenizer.canonical
     if isinstance(tokenizer, CanonicalTokenizer):
         return tokenizer
     raise ConfigError(
-        "the oracle can guide only a model on canonical words; this one spells names\n"
-        "hint: train with `--set tokenizer.kind=canonical`"
+        "the oracle can guide only a model on canonical words; this one reads the text as it stands\n"
+        "hint: train with `--set tokenizer.kind=canonical` or `spelled`"
     )
 
 

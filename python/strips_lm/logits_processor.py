@@ -1,7 +1,7 @@
 """The oracle's mask as a `LogitsProcessor` of transformers, for `model.generate` with any of its strategies.
 
     ids, legends = tokenizer.encode_prompts(prompts)
-    processor = OracleLogitsProcessor(OracleGuide(tokenizer, legends, tasks))
+    processor = OracleLogitsProcessor(oracle_guide(tokenizer, legends, tasks))
     model.generate(padded, attention_mask=mask, logits_processor=[processor], max_new_tokens=300)
 
 Rows may be sampled, repeated (`num_return_sequences`) and reordered (`num_beams`): what follows a prompt is looked up

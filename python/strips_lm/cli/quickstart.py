@@ -1,4 +1,4 @@
-"""Make a data set, train the report's three models and one on spelled text, score them, draw a page.
+"""Make a data set, train the report's three models and one on spelled names, score them, draw a page.
 
 Leaves in the folder the data set, the checkpoints, `results.json` and `report.html`; prints Table 1. Called again after
 Ctrl-C it goes on where it stopped. `--minutes` is the time for training; the rest takes a few minutes more.
@@ -20,7 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("quickstart"), help="default: quickstart")
     parser.add_argument("--minutes", metavar="M", type=float, default=13.0, help="of training in all (default 13)")
     parser.add_argument(
-        "--data-pairs", metavar="N", type=positive, default=0, help="pairs of each data set (default: its preset's)"
+        "--data-pairs", metavar="N", type=positive, default=0, help="pairs of the data set (default: its preset's)"
     )
     parser.add_argument("--limit", metavar="N", type=positive, default=300, help="prompts a suite (default 300)")
     parser.add_argument("--seed", metavar="S", type=natural, default=0, help="seed of every draw (default 0)")
