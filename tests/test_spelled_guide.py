@@ -108,6 +108,20 @@ def test_a_fork_goes_on_by_itself(tokenizer: SpelledTokenizer, questions: Questi
         assert (guide.mask([row])[0] == before).all()
 
 
+def test_a_token_that_may_not_come_is_refused(tokenizer: SpelledTokenizer, questions: Questions) -> None:
+    guide, (row, *forced), _ = prompted(tokenizer, questions)
+    for _ in walks(guide, row, forced, 5):
+        allowed = guide.mask([row])[0] if guide.is_open([row])[0] else None
+        for token in range(0, tokenizer.vocab_size, 7) if allowed is not None else ():
+            there = guide.fork(row)
+            if allowed[token]:
+                guide.advance([there], [token])
+            else:
+                with pytest.raises(ValueError, match="may not"):
+                    guide.advance([there], [token])
+            guide.remove([there])
+
+
 @pytest.mark.parametrize("decode", ["masked", "masked-replan", "search", "search-replan"])
 def test_what_an_untrained_model_ends_is_valid(tokenizer: SpelledTokenizer, questions: Questions, decode: str) -> None:
     settings = RunConfig.load(None, [*KEYS, "generate.max_new=900", "generate.search_calls=60"]).generate

@@ -75,7 +75,11 @@ class SpelledGuide(OracleGuide):
         return flags
 
     def advance(self, rows: Sequence[int], tokens: Sequence[int]) -> list[list[int]]:
-        """Take the token chosen in each row; the tokens forced after it."""
+        """Take the token chosen in each row; the tokens forced after it.
+
+        Raises:
+            ValueError: a token is not allowed where it comes.
+        """
         return [self._take(row, token) for row, token in zip(rows, tokens, strict=True)]
 
     def fork(self, row: int) -> int:
@@ -118,11 +122,16 @@ class SpelledGuide(OracleGuide):
         goes_on = token >= self.first_slot and not self.tokenizer.begins[token]
         if begun and not goes_on:
             (allowed,) = super().mask([row])
-            forced = self._commit(row, next(slot for slot, name in self._candidates(row, allowed) if name == begun))
+            whole = [slot for slot, name in self._candidates(row, allowed) if name == begun]
+            forced = self._commit(row, whole[0]) if whole else []
+            if not whole or forced[:1] not in ([], [token]):
+                raise ValueError(f"token {token} may not come here")
             return forced[1:] if forced else self._take(row, token)
         if token < self.first_slot:
             return self._go_on(row, super().advance([row], [token])[0])
         self.begun[row] = (*begun, token)
+        if not self._candidates(row, super().mask([row])[0]):
+            raise ValueError(f"token {token} may not come here")
         return self._go_on(row, [])
 
     def _commit(self, row: int, slot: int) -> list[int]:
