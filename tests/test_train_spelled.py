@@ -66,6 +66,17 @@ def test_a_pair_shares_its_names_and_no_two_showings_do(opened):
     assert shown[0] != shown[1]
 
 
+def test_the_datas_own_names_can_be_kept(folder, opened):
+    tokenizer, _, _ = opened
+    training, _ = _open(config("train.drawn_names=false"), folder, tokenizer)
+    plan = Plan(step_tokens=400, step_pairs=0, batch_tokens=2000)
+    step = build_step(training, training.kept[:1], plan, Dress(short_names=1.0), (0, 1))
+    ((ids, _),) = rows_of(step)
+    text = list(texts(folder))[int(training.kept[0])]
+    _, legends = tokenizer.encode_prompts([text])
+    assert tokenizer.decode([ids.tolist()], legends) == [text]
+
+
 def test_short_names_make_rows_as_long_as_their_slots(opened):
     _, training, _ = opened
     plan, dress = Plan(step_tokens=400, step_pairs=0, batch_tokens=2000), Dress(short_names=1.0)

@@ -401,10 +401,10 @@ def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanT
 def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:
     """The training and the validation split."""
     context, room = config.model.context, config.train.position_offset
-    slotted = tokenizer.slotted
-    training = open_data(data, "train", slotted, context, room)
+    spelling = tokenizer.spelling(context - room) if config.train.drawn_names else None
+    stored = tokenizer.slotted if spelling else tokenizer
+    training = replace(open_data(data, "train", stored, context, room), spelling=spelling)
     own, share = config.train.own_negatives, config.train.own_share
     if own:
-        training = with_negatives(training, own, slotted, context - room, share=share, seed=config.seed)
-    training = replace(training, spelling=tokenizer.spelling(context - room))
+        training = with_negatives(training, own, stored, context - room, share=share, seed=config.seed)
     return training, open_data(data, "validation", tokenizer, context)

@@ -231,6 +231,8 @@ class TrainConfig:
     renumber_share: float = 0.33
     """`canonical`: share of the records with random increasing slot numbers, so that more objects than the training's
     are no news."""
+    drawn_names: bool = True
+    """`spelled`: whether names are drawn anew each time that a record is shown, or stay what the data have."""
     short_names: float = 0.0
     """`spelled`: share of the run in which names drawn for training grow from one piece to several: what copying is, is
     learnt from short ones much sooner."""
