@@ -19,7 +19,7 @@ from strips_lm.folders import data_sets
 from strips_lm.mixture import configurations
 from strips_lm.own_negatives import with_negatives
 from strips_lm.sources import built_in_domains
-from strips_lm.tokenizer import CanonicalTokenizer, TokenizerError
+from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer, TokenizerError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -126,6 +126,11 @@ def test_a_tokenizer_of_one_domain_takes_parts_of_it_and_nothing_else(data: Path
     assert one.of_domain(_native.Domain.parse("(define (domain part) (:predicates))")) is one
     with pytest.raises(TokenizerError, match=r"trained on `hanoi`, and .* of `ferry` are not the same"):
         one.of_domain(domain(data / "ferry"))
+
+
+def test_a_mixtures_names_cannot_be_spelled(data: Path) -> None:
+    with pytest.raises(TokenizerError, match="one domain"):
+        SpelledTokenizer.of_data(data, [], 320)
 
 
 def test_a_mixtures_records_are_those_of_its_data_sets_spread_evenly(data: Path) -> None:

@@ -19,7 +19,7 @@ from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 
 from strips_lm import _native
 from strips_lm.spelling import Spelling
-from strips_lm.tokenizer.base import write_settings
+from strips_lm.tokenizer.base import TokenizerError, write_settings
 from strips_lm.tokenizer.canonical import CODEC, CanonicalTokenizer, word_level
 
 if TYPE_CHECKING:
@@ -58,8 +58,14 @@ class SpelledTokenizer:
 
     @classmethod
     def of_data(cls, data: Path, texts: Iterable[str], vocab_size: int) -> SpelledTokenizer:
-        """The tokenizer of a data set's domain, with pieces learnt from the names in some of its texts."""
+        """The tokenizer of a data set's domain, with pieces learnt from the names in some of its texts.
+
+        Raises:
+            TokenizerError: it is a mixture of several domains' data sets.
+        """
         words = CanonicalTokenizer.of_data(data, MOST_SLOTS, "difference")
+        if words.domain is None:
+            raise TokenizerError("names are spelled in one domain's texts alone\nhint: `tokenizer.kind=canonical`")
         _, legends = words.encode_prompts(list(texts))
         names = (name for legend in legends for name in legend.names)
         return cls(words, learn_pieces(names, vocab_size - words.codec.first_slot))
