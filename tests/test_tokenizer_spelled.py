@@ -58,6 +58,7 @@ def test_a_name_that_no_object_has_is_decoded_as_it_was_written(tokenizer):
     said = [piece for name in ("zz", "attic", "y") for piece in tokenizer.spell(name)]
     again = [words["<ACTION>"], words["carry"], *said]
     assert tokenizer.decode_completions([prompt], [again], legends) == ["<ACTION> carry(zz, attic, y)"]
+    assert tokenizer.say(again, legends[0]) == "<ACTION> carry zz attic y"
 
 
 def test_any_tokens_are_decoded(tokenizer):

@@ -14,7 +14,7 @@ import torch
 
 from strips_lm import _native
 from strips_lm.guide import Tasks, check_domain
-from strips_lm.tokenizer import CanonicalTokenizer
+from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -201,6 +201,8 @@ class _Reader:
     def _words(self, tokens: Sequence[int]) -> str:
         if isinstance(self.tokenizer, CanonicalTokenizer):
             return " ".join(map(self._word, tokens))
+        if isinstance(self.tokenizer, SpelledTokenizer):
+            return self.tokenizer.say(tokens, self.legend)
         return str(self.tokenizer.hf.decode(list(tokens))).strip()
 
     def _word(self, token: int) -> str:

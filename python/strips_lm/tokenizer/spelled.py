@@ -145,6 +145,14 @@ class SpelledTokenizer:
         begins = np.array(self.begins[self.first_piece :])
         return Spelling(self.first_piece, ids[begins], ids[~begins], most)
 
+    def say(self, ids: Sequence[int], legend: Any) -> str:
+        """Tokens as people read them: words, and names whole."""
+        reader = _Reader(self, legend)
+        read = reader.read(ids)
+        names = {slot: name for name, slot in reader.slots.items()}
+        first = self.first_piece
+        return " ".join(names[word - first] if word >= first else self.words[word] for word in read)
+
     def spell(self, name: str) -> list[int]:
         """The ids of a name's pieces."""
         ids = self.known.get(name)
