@@ -68,9 +68,9 @@ def test_random_walks_spell_what_the_canonical_mask_lets_through(
         for said in walks(guide, row, forced, seed):
             tokens = said
         text = tokenizer.decode_completions(prompts, [tokens], legends)
-        asked, words, _ = tokenizer.canonical.encode_records(questions.prompts, text)
+        asked, words, _ = tokenizer.slotted.encode_records(questions.prompts, text)
         assert [*tokenizer.encode_records(questions.prompts, text)[1][0]] == tokens or len(tokens) >= 600
-        twin = oracle_guide(tokenizer.canonical, legends, questions.oracle())
+        twin = oracle_guide(tokenizer.slotted, legends, questions.oracle())
         (there,), (said,) = twin.add([0])
         rest = words[0].tolist()
         assert rest[: len(said)] == said

@@ -56,15 +56,23 @@ def test_slots_are_the_last_ids_and_names_leave_no_trace(tokenizer):
 
 
 def test_transformers_tokenizer_reads_the_codecs_words(tokenizer):
+    check_that_transformers_reads_words(tokenizer)
+
+
+def check_that_transformers_reads_words(tokenizer):
     (row,), _ = tokenizer.encode_prompts(PROMPTS[:1])
     words = tokenizer.hf.convert_ids_to_tokens(row.tolist())
     assert tokenizer.hf(" ".join(words), add_special_tokens=False)["input_ids"] == row.tolist()
-    assert len(tokenizer.hf) == tokenizer.vocab_size
+    assert len(set(tokenizer.words)) == len(tokenizer.hf) == tokenizer.vocab_size
     assert tokenizer.hf.pad_token_id == tokenizer.end_id == tokenizer.hf.eos_token_id
     assert int(row[0]) == tokenizer.start_id
 
 
 def test_a_saved_tokenizer_is_the_same(tokenizer, tmp_path):
+    check_that_it_can_be_saved(tokenizer, tmp_path)
+
+
+def check_that_it_can_be_saved(tokenizer, tmp_path):
     tokenizer.save_pretrained(tmp_path)
     again = tokenizers.load(tmp_path)
     assert fingerprint(again) == fingerprint(tokenizer)

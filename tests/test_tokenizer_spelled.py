@@ -8,11 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strips_lm import _native
-from strips_lm import tokenizer as tokenizers
 from strips_lm.spelling import Spelling
 from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer, TokenizerError, fingerprint
 from strips_lm.tokenizer.spelled import learn_pieces
-from test_tokenizer_canonical import BROKEN, COMPLETIONS, DOMAIN, PROMPTS
+from test_tokenizer_canonical import (
+    BROKEN,
+    COMPLETIONS,
+    DOMAIN,
+    PROMPTS,
+    check_that_it_can_be_saved,
+    check_that_transformers_reads_words,
+)
 
 KNOWN = ["lantern", "torch", "torch_2", "attic", "cellar", "kitchen", "light", "lamp", "room"] * 3
 
@@ -70,24 +76,16 @@ def test_any_tokens_are_decoded(tokenizer):
 
 
 def test_transformers_tokenizer_reads_the_words(tokenizer):
-    (row,), _ = tokenizer.encode_prompts(PROMPTS[:1])
-    words = tokenizer.hf.convert_ids_to_tokens(row.tolist())
-    assert tokenizer.hf(" ".join(words), add_special_tokens=False)["input_ids"] == row.tolist()
-    assert len(set(tokenizer.words)) == len(tokenizer.hf) == tokenizer.vocab_size
-    assert tokenizer.hf.pad_token_id == tokenizer.end_id == tokenizer.hf.eos_token_id
-    assert int(row[0]) == tokenizer.start_id
+    check_that_transformers_reads_words(tokenizer)
 
 
 def test_a_saved_tokenizer_is_the_same(tokenizer, tmp_path):
-    tokenizer.save_pretrained(tmp_path)
-    again = tokenizers.load(tmp_path)
-    assert fingerprint(again) == fingerprint(tokenizer)
-    assert again.encode_prompts(PROMPTS)[0][0].tolist() == tokenizer.encode_prompts(PROMPTS)[0][0].tolist()
+    check_that_it_can_be_saved(tokenizer, tmp_path)
     assert json.loads((tmp_path / "plan_tokenizer.json").read_text())["kind"] == "spelled"
 
 
 def test_names_alone_make_its_pieces_another_tokenizer(tokenizer):
-    other = SpelledTokenizer(tokenizer.canonical, learn_pieces(["mirror"] * 9, 300))
+    other = SpelledTokenizer(tokenizer.slotted, learn_pieces(["mirror"] * 9, 300))
     assert fingerprint(other) != fingerprint(tokenizer)
 
 

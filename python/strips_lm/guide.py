@@ -13,7 +13,7 @@ import numpy as np
 
 from strips_lm import _native
 from strips_lm.config import ConfigError
-from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer
+from strips_lm.tokenizer import CanonicalTokenizer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Sequence
@@ -134,10 +134,9 @@ def canonical(tokenizer: PlanTokenizer) -> CanonicalTokenizer:
     Raises:
         ConfigError: it has none.
     """
-    if isinstance(tokenizer, SpelledTokenizer):
-        return tokenizer.canonical
-    if isinstance(tokenizer, CanonicalTokenizer):
-        return tokenizer
+    words = tokenizer.slotted
+    if isinstance(words, CanonicalTokenizer):
+        return words
     raise ConfigError(
         "the oracle can guide only a model on canonical words; this one reads the text as it stands\n"
         "hint: train with `--set tokenizer.kind=canonical` or `spelled`"

@@ -8,11 +8,11 @@ of an operator as many as it takes to tell it from the others.
 
 from __future__ import annotations
 
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from strips_lm.config import ConfigError
 from strips_lm.guide import OracleGuide
 from strips_lm.tokenizer import SpelledTokenizer
 
@@ -31,22 +31,21 @@ def oracle_guide(tokenizer: PlanTokenizer, legends: Sequence[Any], tasks: Tasks)
     Raises:
         ConfigError: the tokenizer's texts are not of canonical words, or of another domain than the tasks.
     """
-    kind = SpelledGuide if isinstance(tokenizer, SpelledTokenizer) else OracleGuide
-    return kind(tokenizer, legends, tasks)
+    if isinstance(tokenizer, SpelledTokenizer):
+        return SpelledGuide(tokenizer, legends, tasks)
+    return OracleGuide(tokenizer, legends, tasks)
 
 
 class SpelledGuide(OracleGuide):
     """An `OracleGuide` for a tokenizer that spells names."""
 
-    def __init__(self, tokenizer: PlanTokenizer, legends: Sequence[Any], tasks: Tasks) -> None:
+    def __init__(self, tokenizer: SpelledTokenizer, legends: Sequence[Any], tasks: Tasks) -> None:
         """A guide for the prompts that `legends` belong to.
 
         Raises:
-            ConfigError: the tokenizer does not spell names, or its texts are of another domain than the tasks.
+            ConfigError: the tokenizer's texts are of another domain than the tasks.
         """
-        if not isinstance(tokenizer, SpelledTokenizer):
-            raise ConfigError("a guide in spelled names needs a tokenizer that spells them")
-        super().__init__(tokenizer.canonical, legends, tasks)
+        super().__init__(tokenizer, legends, tasks)
         self.tokenizer, self.words = tokenizer, tokenizer.words
         self.prompts: dict[int, int] = {}
         """Of each row the number of its prompt."""
@@ -78,7 +77,7 @@ class SpelledGuide(OracleGuide):
         """Take the token chosen in each row; the tokens forced after it.
 
         Raises:
-            ValueError: a token is not allowed where it comes.
+            ValueError: a token is not allowed where it comes; its row stays where it is.
         """
         return [self._take(row, token) for row, token in zip(rows, tokens, strict=True)]
 
@@ -118,20 +117,16 @@ class SpelledGuide(OracleGuide):
         return flags
 
     def _take(self, row: int, token: int) -> list[int]:
+        if not self.mask([row])[0][token]:
+            raise ValueError(f"token {token} may not come here")
         begun = self.begun[row]
-        goes_on = token >= self.first_slot and not self.tokenizer.begins[token]
-        if begun and not goes_on:
+        if begun and (token < self.first_slot or self.tokenizer.begins[token]):
             (allowed,) = super().mask([row])
-            whole = [slot for slot, name in self._candidates(row, allowed) if name == begun]
-            forced = self._commit(row, whole[0]) if whole else []
-            if not whole or forced[:1] not in ([], [token]):
-                raise ValueError(f"token {token} may not come here")
+            forced = self._commit(row, next(slot for slot, name in self._candidates(row, allowed) if name == begun))
             return forced[1:] if forced else self._take(row, token)
         if token < self.first_slot:
             return self._go_on(row, super().advance([row], [token])[0])
         self.begun[row] = (*begun, token)
-        if not self._candidates(row, super().mask([row])[0]):
-            raise ValueError(f"token {token} may not come here")
         return self._go_on(row, [])
 
     def _commit(self, row: int, slot: int) -> list[int]:
@@ -146,18 +141,10 @@ class SpelledGuide(OracleGuide):
         (allowed,) = super().mask([row])
         if allowed[:first].any() and not self.begun[row]:
             return spelled
-        names = [name[len(self.begun[row]) :] for _, name in self._candidates(row, allowed)]
-        same = _common(names)
-        self.begun[row] = (*self.begun[row], *same)
-        whole = [slot for slot, name in self._candidates(row, allowed) if name == self.begun[row]]
-        if len(names) == 1 and whole:
-            return [*spelled, *same, *self._commit(row, whole[0])]
+        begun, candidates = self.begun[row], self._candidates(row, allowed)
+        columns = zip(*(name[len(begun) :] for _, name in candidates), strict=False)
+        same = [column[0] for column in takewhile(lambda column: len(set(column)) == 1, columns)]
+        self.begun[row] = (*begun, *same)
+        if len(candidates) == 1:
+            same += self._commit(row, candidates[0][0])
         return [*spelled, *same]
-
-
-def _common(names: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """What all names begin with."""
-    if not names:
-        return ()
-    shortest = min(names, key=len)
-    return next((shortest[:i] for i, piece in enumerate(shortest) if any(name[i] != piece for name in names)), shortest)

@@ -61,7 +61,7 @@ class PlanTokenizer(Protocol):
 
     @property
     def slotted(self) -> PlanTokenizer:
-        """The tokenizer of training's texts: itself, or one with slots in which `spelling` draws names."""
+        """Itself, or where it spells names the tokenizer with slots for them, in which `spelling` draws others."""
 
     def spelling(self, most: int) -> Spelling | None:
         """How names are drawn for slots, in records of at most `most` tokens; None where slots, if any, are tokens."""

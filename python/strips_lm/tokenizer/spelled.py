@@ -48,7 +48,7 @@ class SpelledTokenizer:
 
     def __init__(self, words: CanonicalTokenizer, pieces: Tokenizer) -> None:
         """Give each word but the slots its canonical id, and each piece one of the next."""
-        self.canonical, self.pieces = words, pieces
+        self.slotted, self.pieces = words, pieces
         self.first_piece = words.codec.first_slot
         spelled = [piece for piece, _ in sorted(pieces.get_vocab().items(), key=lambda item: item[1])]
         self.words = [*words.words[: self.first_piece], *map(_as_word, spelled)]
@@ -79,9 +79,9 @@ class SpelledTokenizer:
     def save_pretrained(self, folder: str | Path) -> None:
         """Writes transformers' files, the codec, the BPE and our settings."""
         self.hf.save_pretrained(folder)
-        (Path(folder) / CODEC).write_text(self.canonical.codec.to_json(), encoding="utf-8")
+        (Path(folder) / CODEC).write_text(self.slotted.codec.to_json(), encoding="utf-8")
         self.pieces.save(str(Path(folder) / NAMES))
-        write_settings(folder, {"kind": "spelled", "max_slots": self.canonical.max_slots})
+        write_settings(folder, {"kind": "spelled", "max_slots": self.slotted.max_slots})
 
     @property
     def vocab_size(self) -> int:
@@ -91,12 +91,12 @@ class SpelledTokenizer:
     @property
     def start_id(self) -> int:
         """The token that begins a record."""
-        return self.canonical.start_id
+        return self.slotted.start_id
 
     @property
     def end_id(self) -> int:
         """The token that ends a record, and pads."""
-        return self.canonical.end_id
+        return self.slotted.end_id
 
     def of_domain(self, domain: Domain) -> Self:
         """Itself, where its texts are of that domain.
@@ -104,26 +104,26 @@ class SpelledTokenizer:
         Raises:
             TokenizerError: the domain has a predicate or an action that the tokenizer lacks.
         """
-        self.canonical.of_domain(domain)
+        self.slotted.of_domain(domain)
         return self
 
     def encode_prompts(self, prompts: Sequence[str]) -> tuple[list[Ids], list[Any]]:
         """Token ids and the legend of each prompt."""
-        rows, legends = self.canonical.encode_prompts(prompts)
+        rows, legends = self.slotted.encode_prompts(prompts)
         return self._spell(rows, legends), legends
 
     def encode_records(
         self, prompts: Sequence[str], completions: Sequence[str], words: Sequence[Sequence[str]] | None = None
     ) -> tuple[list[Ids], list[Ids], list[Any]]:
         """Prompt ids, completion ids and legends; a prompt's tokens do not depend on what follows it."""
-        first, rest, legends = self.canonical.encode_records(prompts, completions, words)
+        first, rest, legends = self.slotted.encode_records(prompts, completions, words)
         return self._spell(first, legends), self._spell(rest, legends), legends
 
     def decode(self, ids: Sequence[Sequence[int]], legends: Sequence[Any]) -> list[str]:
         """The texts of token sequences, as far as they make sense."""
         rows = [_Reader(self, legend) for legend in legends]
         read = [reader.read(row) for reader, row in zip(rows, ids, strict=True)]
-        return self.canonical.decode(read, [reader.legend() for reader in rows])
+        return self.slotted.decode(read, [reader.legend() for reader in rows])
 
     def decode_completions(
         self, prompts: Sequence[Sequence[int]], completions: Sequence[Sequence[int]], legends: Sequence[Any]
@@ -132,12 +132,7 @@ class SpelledTokenizer:
         rows = [_Reader(self, legend) for legend in legends]
         asked = [reader.read(row) for reader, row in zip(rows, prompts, strict=True)]
         said = [reader.read(row) for reader, row in zip(rows, completions, strict=True)]
-        return self.canonical.decode_completions(asked, said, [reader.legend() for reader in rows])
-
-    @property
-    def slotted(self) -> CanonicalTokenizer:
-        """What training reads: words with slots, in which `spelling` draws names."""
-        return self.canonical
+        return self.slotted.decode_completions(asked, said, [reader.legend() for reader in rows])
 
     def spelling(self, most: int) -> Spelling:
         """Names of random pieces, for records of at most `most` tokens."""
