@@ -1,7 +1,9 @@
 """Training on names that are drawn anew: rows stay whole, runs resume bit for bit, a checkpoint reads any name."""
 
 import itertools
+from dataclasses import replace
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import torch
@@ -68,13 +70,40 @@ def test_a_pair_shares_its_names_and_no_two_showings_do(opened):
 
 def test_the_datas_own_names_can_be_kept(folder, opened):
     tokenizer, _, _ = opened
-    training, _ = _open(config("train.drawn_names=false"), folder, tokenizer)
+    training, _ = _open(config("train.drawn_names=0"), folder, tokenizer)
     plan = Plan(step_tokens=400, step_pairs=0, batch_tokens=2000)
     step = build_step(training, training.kept[:1], plan, Dress(short_names=1.0), (0, 1))
     ((ids, _),) = rows_of(step)
     text = list(texts(folder))[int(training.kept[0])]
     _, legends = tokenizer.encode_prompts([text])
     assert tokenizer.decode([ids.tolist()], legends) == [text]
+
+
+def test_drawn_and_own_names_come_in_the_asked_shares(folder, opened):
+    tokenizer, _, _ = opened
+    training, _ = _open(config("train.drawn_names=0.5"), folder, tokenizer)
+    plan, records = Plan(step_tokens=400, step_pairs=0, batch_tokens=4000, spread=0.0), training.kept[:100]
+    own = {tuple(np.concatenate(training.named.parts(record)[:2]).tolist()) for record in records}
+
+    def kept(share):
+        dress = Dress(named_share=share)
+        return sum(tuple(ids.tolist()) in own for ids, _ in rows_of(build_step(training, records, plan, dress, (0, 1))))
+
+    assert kept(0.0) == 0
+    assert 30 < kept(0.5) < 70
+    assert kept(1.0) == 100
+
+
+def test_own_names_without_room_give_way_to_drawn_ones(folder, opened):
+    bytewise = SpelledTokenizer.of_data(folder, texts(folder), opened[0].first_piece + 266)
+    training, _ = _open(config("train.drawn_names=0.5"), folder, bytewise)
+    records = training.kept[:30]
+    most = max(len(parts[0]) + max(map(len, parts[1:])) for parts in map(training.parts, records))
+    training = replace(training, spelling=replace(training.spelling, most=most))
+    assert not all(training.spelling.fits(training.named.parts(record)) for record in records)
+    plan = Plan(step_tokens=400, step_pairs=0, batch_tokens=4000, spread=0.0)
+    rows = rows_of(build_step(training, records, plan, Dress(named_share=1.0), (0, 1)))
+    assert all(len(ids) <= most for ids, _ in rows)
 
 
 def test_short_names_make_rows_as_long_as_their_slots(opened):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from strips_lm.dataset import PlanDataset
+    from strips_lm.spelling import Spelling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +144,8 @@ class Dress:
     """Share of the records that start at a random position; the others start at 0."""
     short_names: float = 0.0
     """Share of the names drawn for slots that have one piece; read where the data set has a `spelling`."""
+    named_share: float = 0.0
+    """Share of the records that keep their own names where the data set has a `spelling` and those."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,9 +211,9 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
     renumbered = rng.random(len(records)) < dress.renumber_share
     groups: list[Group] = []
     for record, offset, pair, renumber in zip(records, offsets, paired, renumbered, strict=True):
-        parts = [data.prompts[record], data.positives[record], data.negatives[record]]
+        parts = data.parts(record)
         if data.spelling is not None:
-            parts = data.spelling.spell(parts, rng, dress.short_names)
+            parts = _name(data, data.spelling, record, dress, rng)
         elif renumber and data.slots[1]:
             parts = _renumber(parts, data.slots, rng)
         positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
@@ -218,6 +221,17 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
     if data.spelling is not None:
         groups.sort(key=lambda group: max(map(len, group)))
     return groups
+
+
+def _name(
+    data: PlanDataset, spelling: Spelling, record: int, dress: Dress, rng: np.random.Generator
+) -> list[NDArray[np.integer]]:
+    """A record's parts with its own names, if that is its lot and there is room for them, or with drawn ones."""
+    if data.named is not None and rng.random() < dress.named_share:
+        parts = data.named.parts(record)
+        if spelling.fits(parts):
+            return parts
+    return spelling.spell(data.parts(record), rng, dress.short_names)
 
 
 def _renumber(

@@ -112,6 +112,8 @@ class PlanDataset:
     """(first, count) of the tokens that may be renumbered."""
     spelling: Spelling | None = None
     """How names are drawn for the slots, where the model is to read spelled ones."""
+    named: PlanDataset | None = None
+    """The same records with the data's own names, where a `spelling` does not draw all of them."""
     mixed: tuple[tuple[str, int], ...] = ()
     """Of a mixture, the name of each data set and the number of its first record."""
 
@@ -127,6 +129,10 @@ class PlanDataset:
     def lengths(self) -> NDArray[np.int64]:
         """Tokens of each record's prompt and positive."""
         return self.prompts.lengths + self.positives.lengths
+
+    def parts(self, record: int) -> list[NDArray[np.integer]]:
+        """A record's prompt, positive and negative."""
+        return [self.prompts[record], self.positives[record], self.negatives[record]]
 
     def label(self, record: int) -> str:
         """The record's index in its data set, with that one's name where there are several."""

@@ -19,11 +19,11 @@ import numpy as np
 from strips_lm._native import DataError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Sequence, Sized
 
     from numpy.typing import NDArray
 
-PIECES = np.cumsum([4, 5, 5, 4, 3, 2, 1, 1]) / 25
+PIECES = np.cumsum([7, 7, 5, 3, 2, 1, 1, 1]) / 27
 """How often a drawn name has at most 1, 2, … pieces."""
 
 ALIKE_SHARE = 0.5
@@ -62,7 +62,7 @@ class Spelling:
         rows = [part.tolist() for part in parts]
         count = max(max(row, default=0) for row in rows) + 1 - self.first_slot
         spelled = self._fill(rows, self._names(count, rng, short_share))
-        if len(spelled[0]) + max(map(len, spelled[1:]), default=0) <= self.most:
+        if self.fits(spelled):
             return spelled
         if count > len(self.begins):
             raise DataError(
@@ -70,6 +70,10 @@ class Spelling:
                 "hint: raise `tokenizer.vocab_size` or `model.context`"
             )
         return self._fill(rows, [(piece,) for piece in rng.permutation(self.begins)[:count].tolist()])
+
+    def fits(self, parts: Sequence[Sized]) -> bool:
+        """Whether a prompt with the longest of its completions has at most `most` tokens."""
+        return len(parts[0]) + max(map(len, parts[1:]), default=0) <= self.most
 
     def _names(self, count: int, rng: np.random.Generator, short_share: float) -> list[tuple[int, ...]]:
         """So many names, all different; where that takes many draws they get longer."""

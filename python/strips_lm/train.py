@@ -147,7 +147,8 @@ class Steps:
         choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
         mc_share = train.mc_share if choosing else 0.0
         short = max(0.0, 1.0 - fraction / train.short_names) if train.short_names else 0.0
-        dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share, short)
+        named = (1.0 - train.drawn_names) * (1.0 - short)
+        dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share, short, named)
         seed = (run.config.seed, number, 1)
         rank, world = accelerator.process_index, accelerator.num_processes
         step = build_step(run.data, records, self.plan, dress, seed, rank=rank, world=world)
@@ -401,10 +402,18 @@ def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanT
 def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:
     """The training and the validation split."""
     context, room = config.model.context, config.train.position_offset
-    spelling = tokenizer.spelling(context - room) if config.train.drawn_names else None
-    stored = tokenizer.slotted if spelling else tokenizer
-    training = replace(open_data(data, "train", stored, context, room), spelling=spelling)
-    own, share = config.train.own_negatives, config.train.own_share
-    if own:
-        training = with_negatives(training, own, stored, context - room, share=share, seed=config.seed)
-    return training, open_data(data, "validation", tokenizer, context)
+    train = config.train
+
+    def opened(stored: PlanTokenizer) -> PlanDataset:
+        found = open_data(data, "train", stored, context, room)
+        if not train.own_negatives:
+            return found
+        longest, share = context - room, train.own_share
+        return with_negatives(found, train.own_negatives, stored, longest, share=share, seed=config.seed)
+
+    held = open_data(data, "validation", tokenizer, context)
+    spelling = tokenizer.spelling(context - room) if train.drawn_names else None
+    if spelling is None:
+        return opened(tokenizer), held
+    named = opened(tokenizer) if train.drawn_names < 1.0 else None
+    return replace(opened(tokenizer.slotted), spelling=spelling, named=named), held

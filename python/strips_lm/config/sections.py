@@ -231,8 +231,9 @@ class TrainConfig:
     renumber_share: float = 0.33
     """`canonical`: share of the records with random increasing slot numbers, so that more objects than the training's
     are no news."""
-    drawn_names: bool = True
-    """`spelled`: whether names are drawn anew each time that a record is shown, or stay what the data have."""
+    drawn_names: float = 1.0
+    """`spelled`: share of the records whose names are drawn anew each time that they are shown, once drawn names have
+    grown (`short_names`); the others keep the data's. 0 draws none at all."""
     short_names: float = 0.0
     """`spelled`: share of the run in which names drawn for training grow from one piece to several: what copying is, is
     learnt from short ones much sooner."""
@@ -259,7 +260,7 @@ class TrainConfig:
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
         check(bool(self.own_negatives) or not self.own_share, "`train.own_share` needs `train.own_negatives`")
-        for share in ("mc_share", "own_share", "offset_share", "renumber_share", "short_names"):
+        for share in ("mc_share", "own_share", "offset_share", "renumber_share", "drawn_names", "short_names"):
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 
 
