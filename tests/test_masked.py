@@ -26,7 +26,8 @@ from strips_lm.evaluate.suites import DataFolder  # noqa: E402
 from strips_lm.generate import GUIDED, Batch, Planner  # noqa: E402
 from strips_lm.guide import Tasks  # noqa: E402
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
-from strips_lm.replan import Encoded  # noqa: E402
+from strips_lm.replan import Encoded, Renewal  # noqa: E402
+from strips_lm.spelled_guide import oracle_guide  # noqa: E402
 from strips_lm.tokenizer import BpeTokenizer, CanonicalTokenizer  # noqa: E402
 
 if TYPE_CHECKING:
@@ -92,8 +93,8 @@ def untrained(seed: int, positions: int = 512, words: CanonicalTokenizer | None 
     return GPT2LMHeadModel(GPT2Config(vocab_size=words.vocab_size, **sizes, **ends)).eval()
 
 
-def untrained_lstm() -> Any:
-    torch.manual_seed(5)
+def untrained_lstm(seed: int = 5) -> Any:
+    torch.manual_seed(seed)
     sizes = {"embedding_size": 16, "hidden_size": 24}
     return LstmLMHeadModel(LstmConfig(vocab_size=tokenizer().vocab_size, **sizes)).eval()
 
@@ -154,7 +155,7 @@ def test_batch_size_and_threads_do_not_change_the_plans(
 
 
 def test_what_the_mask_removed_is_the_models_own_probability(questions: Questions) -> None:
-    found = planner(3)
+    found = planner(3, "generate.backtrack=false")
     ids, legends = found.tokenizer.encode_prompts(questions.prompts)
     made = found._guided(Encoded(questions.prompts, ids, legends), "masked", questions.oracle())
     for number, generation in enumerate(made):
@@ -184,7 +185,7 @@ def slow_replay(
 
 
 def test_after_each_step_the_model_reads_the_state_in_a_new_prompt(questions: Questions) -> None:
-    found, words = planner(3), tokenizer()
+    found, words = planner(3, "generate.backtrack=false"), tokenizer()
     made = found.complete(questions.prompts, "masked-replan", tasks=questions.oracle()).completions
     plain = found.complete(questions.prompts, "masked", tasks=questions.oracle()).completions
     for prompt, task, completion in zip(questions.prompts, questions.tasks, made, strict=True):
@@ -217,10 +218,74 @@ def test_after_each_step_the_model_reads_the_state_in_a_new_prompt(questions: Qu
     assert [c.text for c in made] != [c.text for c in plain]
 
 
+def slow_backtracking(found: Planner, asked: Encoded, oracle: Tasks, number: int, each_step: bool) -> tuple[Any, ...]:
+    """Masked decoding in which the model reads its whole row anew at every choice: tokens, choices, ways taken back."""
+    guide = oracle_guide(found.tokenizer, asked.legends, oracle)
+    renewal = Renewal(found.tokenizer, asked) if asked.list_objects() else None
+    (row,), (text,) = guide.add([number])
+    prompt, told, choices, back = [*map(int, asked.ids[number])], 0, 0, 0
+    while not guide.has_ended(row):
+        is_open = guide.is_open([row])[0]
+        if is_open:
+            with torch.no_grad():
+                logits = found.model(torch.tensor([prompt + text[told:]])).logits[0, -1]
+            token = int(logits.masked_fill(~torch.from_numpy(guide.mask([row])[0]), -torch.inf).argmax())
+            text = [*text, token, *guide.advance([row], [token])[0]]
+            choices += 1
+        else:
+            taken = guide.backtrack(row)
+            if taken is None:
+                break
+            begins = [i for i, said in enumerate(text) if said == guide.step]
+            text = [*text[: begins[taken[0]]], *taken[1]]
+            back += 1
+        if renewal and (each_step or not is_open):
+            told = max(i for i, said in enumerate(text) if said == guide.step or i == 0)
+            prompt = renewal([(number, text[:told])])[0] if told else [*map(int, asked.ids[number])]
+    return text, choices, back
+
+
+@pytest.mark.parametrize(
+    ("decode", "bare", "lstm"),
+    [("masked", False, False), ("masked", True, False), ("masked", True, True), ("masked-replan", False, False)],
+)
+def test_steps_are_taken_back_as_in_the_slow_twin(questions: Questions, decode: str, bare: bool, lstm: bool) -> None:
+    prompts = [without_objects(prompt) if bare else prompt for prompt in questions.prompts]
+    backs = 0
+    config = RunConfig.load(None, [*KEYS, "generate.max_new=4000", "generate.rows=5"]).generate
+    for seed in range(8):
+        found = Planner(untrained_lstm(seed) if lstm else untrained(seed), tokenizer(), config)
+        asked = Encoded(prompts, *found.tokenizer.encode_prompts(prompts))
+        made = found._guided(asked, decode, questions.oracle())
+        for number, generation in enumerate(made):
+            each_step = decode == "masked-replan"
+            text, choices, back = slow_backtracking(found, asked, questions.oracle(), number, each_step)
+            assert (list(generation.tokens), generation.choices) == (text, choices)
+            backs += back
+    assert backs > 5
+
+
+@pytest.mark.parametrize("decode", ["masked", "masked-replan"])
+@pytest.mark.parametrize("layout", ["difference", "report"])
+def test_with_room_enough_every_problem_is_solved_whatever_the_model(
+    questions: Questions, layout: Any, decode: str
+) -> None:
+    words = CanonicalTokenizer(_native.CanonicalCodec(questions.domain, layout=layout), 16)
+    config = RunConfig.load(None, [*KEYS, "generate.max_new=20000"]).generate
+    solvable = [task.shortest_plan() is not None for task in questions.tasks]
+    assert any(solvable)
+    for model in (untrained(6, 512, words), untrained_lstm() if layout == "difference" else untrained(7, 512, words)):
+        made = Planner(model, words, config).complete(questions.prompts, decode, tasks=questions.oracle())
+        assert [completion.finished for completion in made.completions] == solvable
+        assert [judgement.verdict.is_valid for judgement in questions.judge(made)] == solvable
+
+
+def without_objects(prompt: str) -> str:
+    return prompt.replace(prompt[prompt.index("<OBJECTS>") : prompt.index("<GOAL>")], "")
+
+
 def test_renewing_needs_prompts_that_list_their_objects(questions: Questions) -> None:
-    bare = [
-        prompt.replace(prompt[prompt.index("<OBJECTS>") : prompt.index("<GOAL>")], "") for prompt in questions.prompts
-    ]
+    bare = [without_objects(prompt) for prompt in questions.prompts]
     with pytest.raises(ConfigError, match="list their objects"):
         planner().complete(bare, "masked-replan", tasks=questions.oracle())
 
@@ -235,11 +300,11 @@ def test_a_text_without_room_is_cut_after_a_whole_step(questions: Questions, dec
         made = found.complete(questions.prompts, decode, tasks=questions.oracle())
         judged = questions.judge(made)
         for row, completion, judgement in zip(ids, made.completions, judged, strict=True):
-            room = config.max_new if decode.endswith("-replan") else model.config.n_positions + 1 - len(row)
+            room = model.config.n_positions + 1 - len(row) if decode == "search" else config.max_new
             assert completion.tokens <= min(config.max_new, room)
             assert judgement.executable_steps == judgement.steps == judgement.states_right
             assert completion.finished == judgement.verdict.is_valid
-        roomy = decode == "search-replan" and config.max_new > 7  # it forgets what is done, and finds all plans
+        roomy = decode != "search" and config.max_new > 7  # the others forget what is done, and find all plans
         assert roomy == all(c.finished for c in made.completions)
 
 
@@ -296,7 +361,8 @@ def test_a_search_that_renews_its_prompts_reads_the_last_state_and_the_step_begu
 
 @pytest.mark.parametrize("ways", [("masked", "search"), ("masked-replan", "search-replan")])
 def test_by_discrepancy_the_model_s_favourites_come_first(questions: Questions, ways: tuple[str, str]) -> None:
-    found = planner(1, "generate.search_order=discrepancy", "generate.search_calls=3000")
+    settings = ["generate.search_order=discrepancy", "generate.search_calls=3000", "generate.backtrack=false"]
+    found = planner(1, *settings)
     favourite, searched = (found.complete(questions.prompts, way, tasks=questions.oracle()).completions for way in ways)
     assert any(text.finished for text in favourite)
     for text, other in zip(favourite, searched, strict=True):

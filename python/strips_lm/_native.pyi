@@ -628,6 +628,11 @@ class MaskedDecoder:
         """Which tokens may come next: flags (rows, vocabulary). A row without any is stuck or has ended."""
     def status(self, rows: Sequence[int]) -> list[Literal["ended", "stuck", "open"]]:
         """Of each row whether it has ended (its plan is valid), is stuck (nothing may come) or is open."""
+    def backtrack(self, row: int) -> tuple[int, list[int]] | None:
+        """Takes steps back in a row that is stuck, to the last state from which a step leads to a state never visited.
+
+        The number of steps left and the tokens forced after them, or `None` where nothing is left to try.
+        """
     def plan(self, row: int) -> list[str]:
         """The operators of a row so far, such as `(pick cup)`."""
     def fork(self, row: int) -> int:

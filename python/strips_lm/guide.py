@@ -67,6 +67,13 @@ class OracleGuide:
         """Of each row whether any token may come."""
         return [status == "open" for status in self.decoder.status(rows)]
 
+    def backtrack(self, row: int) -> tuple[int, list[int]] | None:
+        """Take back steps of a row to the last state from which one leads to a state that was never there.
+
+        The steps left, and the tokens forced after them; `None` where the row has ended, or nothing is left to try.
+        """
+        return self.decoder.backtrack(row)
+
     def has_ended(self, row: int) -> bool:
         """Whether a row's plan has come to its end, and so is valid."""
         return self.decoder.status([row])[0] == "ended"

@@ -105,9 +105,13 @@ class Encoded:
     ids: Sequence[Any]
     legends: Sequence[Any]
 
+    def list_objects(self) -> bool:
+        """Whether all prompts list their objects, so that their slots are the same from another state."""
+        return all("<OBJECTS>" in prompt for prompt in self.prompts)
+
 
 class Renewal:
-    """New prompts for `masked-replan` and `search-replan`: those of a text's last state, in the same slots."""
+    """New prompts for texts that the oracle guides: those of a text's last state, in the same slots."""
 
     def __init__(self, tokenizer: PlanTokenizer, asked: Encoded) -> None:
         """For the prompts that were asked first.
@@ -115,7 +119,7 @@ class Renewal:
         Raises:
             ConfigError: a prompt does not list its objects, so that its slots would not be the same from another state.
         """
-        if any("<OBJECTS>" not in prompt for prompt in asked.prompts):
+        if not asked.list_objects():
             raise ConfigError("planning anew needs prompts that list their objects\nhint: the style `typed` does")
         self.tokenizer, self.asked = tokenizer, asked
 

@@ -81,6 +81,17 @@ class SpelledGuide(OracleGuide):
         """
         return [self._take(row, token) for row, token in zip(rows, tokens, strict=True)]
 
+    def backtrack(self, row: int) -> tuple[int, list[int]] | None:
+        """Take back steps of a row to the last state from which one leads to a state that was never there.
+
+        The steps left, and the tokens forced after them; `None` where the row has ended, or nothing is left to try.
+        """
+        found = super().backtrack(row)
+        if found is None:
+            return None
+        self.begun[row] = ()
+        return found[0], self._go_on(row, found[1])
+
     def fork(self, row: int) -> int:
         """A new row that goes on from where `row` is."""
         new = super().fork(row)

@@ -268,8 +268,8 @@ class TrainConfig:
 class GenerateConfig:
     """How plans are decoded."""
 
-    max_new: int = 500
-    """Longest completion, in tokens; the model's context may end it earlier."""
+    max_new: int = 4000
+    """Longest completion, in tokens, with steps that were taken back; the model's context may end it earlier."""
     top_k: int = 10
     """`sample`: the likeliest tokens that are drawn from; 0 is all."""
     top_p: float = 0.9
@@ -284,6 +284,9 @@ class GenerateConfig:
     """`best-of-k`: continuations drawn for each prompt."""
     rerank: Literal["head", "likelihood", "oracle"] = "head"
     """`best-of-k`: who chooses among them."""
+    backtrack: bool = True
+    """`masked`: whether steps are taken back where all that may follow lead to states that were there already, so that
+    another may be tried; without it such a plan is left unfinished."""
     search_calls: int = 500
     """`search`: calls of the model after which it gives up on a prompt."""
     search_seconds: float = 0.0

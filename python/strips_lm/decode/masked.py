@@ -1,9 +1,11 @@
 """Decoding under a guide that says at every position which tokens may come, and which must.
 
 The model is asked only where there is a choice: of the tokens allowed there the likeliest is taken. What the guide
-forces after it is appended and fed together with it, so that a text costs a model call a choice and not a token. How
-much probability the mask took away is counted at every choice. It knows token ids, a decoder and a guide; no text, no
-model, no planning.
+forces after it is appended and fed together with it, so that a text costs a model call a choice and not a token. Where
+nothing may come and the text is not over, steps are taken back until something may that was not tried: with a guide
+that lets no state come twice that is a depth-first search in the model's order. A model that can be asked anew from any
+state is asked so there, and where its context is full. How much probability the mask took away is counted at every
+choice. It knows token ids, a decoder and a guide; no text, no model, no planning.
 
 Price: a call is as wide as the longest chunk among its rows.
 """
@@ -49,6 +51,12 @@ class Guide(Protocol):
     def is_open(self, rows: Sequence[int]) -> list[bool]:
         """Of each row whether any token may come."""
 
+    def backtrack(self, row: int) -> tuple[int, list[int]] | None:
+        """Take back steps of a row to where another may come; the steps left, and the tokens forced after them.
+
+        `None` where the row has ended, or nothing is left to try.
+        """
+
     def remove(self, rows: Sequence[int]) -> None:
         """Forget rows."""
 
@@ -67,15 +75,23 @@ class _Text:
     """Tokens that the decoder has read."""
     choices: int = 0
     removed: float = 0.0
+    wasted: int = 0
+    """Tokens of steps that were taken back."""
+    lost: bool = False
+    """Whether the decoder's row is of another text by now."""
+    told: int = 0
+    """Tokens that the prompt of the decoder's row stands for."""
+    asked: int = 0
+    """Tokens of that prompt."""
 
     def chunk(self) -> list[int]:
         """The tokens not yet fed; they count as fed from here on."""
         start, self.fed = self.fed, len(self.tokens)
         return self.tokens[start:]
 
-    def new_step(self, step: int) -> int:
-        """Where, after what was fed, the last step begins that is not the first; 0 where none does."""
-        return max((i for i in range(self.fed, len(self.tokens)) if self.tokens[i] == step), default=0)
+    def last_step(self, step: int, after: int) -> int:
+        """Where, from `after` on, the last step begins that is not the first; 0 where none does."""
+        return max((i for i in range(after, len(self.tokens)) if self.tokens[i] == step), default=0)
 
     def generation(self, stop: int, step: int) -> Generation:
         """The text as a value, without a last step that has no room."""
@@ -111,13 +127,17 @@ class MaskedLoop:
         *,
         on_done: Callable[[Generation], None] | None = None,
         renew: Renew | None = None,
+        each_step: bool = False,
+        backtrack: bool = False,
     ) -> None:
-        """`on_done` is called for each finished text. With `renew` the model forgets a step that is done.
+        """`on_done` is called for each finished text.
 
-        It then reads a new prompt, which has the state that the step led to, and goes on from there.
+        With `renew` the model reads a new prompt, of the state that the last step led to, where steps were taken back
+        (`backtrack`; without it a text ends where nothing may come) and where its context is full; with `each_step`
+        after every step, so that it forgets what is done.
         """
         self.decoder, self.guide, self.limits, self.on_done = decoder, guide, limits, on_done
-        self.renew = renew
+        self.renew, self.each_step, self.backtrack = renew, each_step, backtrack
         self.capacity = len(decoder.lengths)
         self.device = decoder.lengths.device
         self.texts: list[_Text] = []
@@ -145,7 +165,7 @@ class MaskedLoop:
         rows, forced = self.guide.add([job.prompt for job in new])
         most, context, renewed = self.limits.max_new, self.decoder.context, self.renew is not None
         rooms = [room_for(job, most, context, renewed=renewed) for job in new]
-        fresh = [_Text(job, row, room) for job, row, room in zip(new, rows, rooms, strict=True)]
+        fresh = [_Text(job, row, room, asked=len(job.ids)) for job, row, room in zip(new, rows, rooms, strict=True)]
         for text, tokens in zip(fresh, forced, strict=True):
             text.tokens.extend(tokens)
         fresh = [text for text, ended in zip(fresh, self._ended(fresh), strict=True) if not ended]
@@ -159,16 +179,33 @@ class MaskedLoop:
 
     def _chunks(self) -> list[list[int]]:
         """What each row reads next."""
-        begins = [text.new_step(self.guide.step) if self.renew else 0 for text in self.texts]
-        chunks = [text.chunk() for text in self.texts]
+        begins = [self._new_prompt(text) if self.renew else 0 for text in self.texts]
+        chunks: list[list[int]] = []
+        for row, (text, begin) in enumerate(zip(self.texts, begins, strict=True)):
+            if text.lost or begin:
+                self.decoder.clear(row, 1)
+            again = [*map(int, text.job.ids)] if text.lost and not begin else []
+            if text.lost:
+                text.fed = text.told = 0
+                text.asked, text.lost = len(text.job.ids), False
+            chunks.append([*again, *text.chunk()])
         rows = [row for row, begin in enumerate(begins) if begin]
         if self.renew is None or not rows:
             return chunks
         done = [(self.texts[row].job.prompt, self.texts[row].tokens[: begins[row]]) for row in rows]
         for row, prompt in zip(rows, self.renew(done), strict=True):
-            self.decoder.clear(row, 1)
-            chunks[row] = [*prompt, *self.texts[row].tokens[begins[row] :]]
+            text = self.texts[row]
+            text.told, text.asked = begins[row], len(prompt)
+            chunks[row] = [*prompt, *text.tokens[text.told :]]
         return chunks
+
+    def _new_prompt(self, text: _Text) -> int:
+        """Where the step begins before which the model is to be asked anew; 0 where it goes on as it is."""
+        if text.lost:
+            return text.last_step(self.guide.step, 0)
+        if self.each_step or text.asked + len(text.tokens) - text.told > self.decoder.context:
+            return text.last_step(self.guide.step, text.fed)
+        return 0
 
     def _choose(self, logits: Tensor) -> None:
         """The likeliest allowed token of each row, and what is forced after it."""
@@ -196,6 +233,10 @@ class MaskedLoop:
     def _ended(self, texts: Sequence[_Text]) -> list[bool]:
         """Of each text whether nothing comes after it; those are reported."""
         going = self.guide.is_open([text.row for text in texts])
+        if self.backtrack:
+            going = [
+                more or self._backtracks(row, text) for row, (text, more) in enumerate(zip(texts, going, strict=True))
+            ]
         ended = [
             is_full(text.tokens, text.room, self.limits.stop) or not more
             for text, more in zip(texts, going, strict=True)
@@ -208,3 +249,25 @@ class MaskedLoop:
             if self.on_done is not None:
                 self.on_done(made)
         return ended
+
+    def _backtracks(self, row: int, text: _Text) -> bool:
+        """Takes back the steps of a text, in that row of the decoder, after which nothing may come.
+
+        Whether something may come then; the tokens taken back count in what the text may have.
+        """
+        while text.wasted < self.limits.max_new and (found := self.guide.backtrack(text.row)):
+            steps, forced = found
+            cut = [i for i, token in enumerate(text.tokens) if token == self.guide.step][steps]
+            text.wasted += len(text.tokens) - cut
+            text.room = min(text.room, max(self.limits.max_new - text.wasted, 0))
+            text.tokens[cut:] = forced
+            if cut < text.fed:
+                text.fed = cut
+                text.lost = text.lost or self.renew is not None or not self._rewind(row, text)
+            if self.guide.is_open([text.row])[0]:
+                return True
+        return False
+
+    def _rewind(self, row: int, text: _Text) -> bool:
+        """Whether the decoder's row could forget all but the prompt and what was kept of the text."""
+        return self.decoder.rewind(row, len(text.job.ids) + text.fed) > 0

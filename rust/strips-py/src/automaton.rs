@@ -87,6 +87,12 @@ impl MaskedDecoder {
         rows.into_iter().map(|row| core.walk(row).map(status).map_err(error)).collect()
     }
 
+    /// Takes steps back in a row that is stuck, to the last state from which a step leads to a state never visited: the
+    /// number of steps left and the tokens forced after them, or `None` where nothing is left to try.
+    fn backtrack(&self, row: usize) -> PyResult<Option<(usize, Vec<u32>)>> {
+        self.core().backtrack(row).map_err(error)
+    }
+
     /// The operators of a row so far, such as `(pick cup)`.
     fn plan(&self, row: usize) -> PyResult<Vec<String>> {
         let core = self.core();

@@ -61,8 +61,11 @@ enum Place {
 pub struct Walk {
     spoken: Arc<SpokenTask>,
     state: State,
+    /// Every state that the walk has come to, those that it backtracked from included.
     visited: FxHashSet<State>,
     plan: Vec<OperatorId>,
+    /// The states before `state`, one for each operator of the plan.
+    before: Vec<State>,
     place: Place,
     /// The operators that the words so far may become, with their successors.
     candidates: Vec<(OperatorId, State)>,
@@ -156,8 +159,15 @@ impl Walk {
     /// The walk that begins after the prompt, and the words that are forced there.
     pub fn start(spoken: Arc<SpokenTask>) -> (Self, Vec<Word>) {
         let state = spoken.task.init.clone();
-        let (visited, plan, candidates) = (FxHashSet::default(), Vec::new(), Vec::new());
-        let mut walk = Self { spoken, state: state.clone(), visited, plan, place: Place::BetweenSteps, candidates };
+        let mut walk = Self {
+            spoken,
+            state: state.clone(),
+            visited: FxHashSet::default(),
+            plan: Vec::new(),
+            before: Vec::new(),
+            place: Place::BetweenSteps,
+            candidates: Vec::new(),
+        };
         walk.enter(state);
         let mut forced = Vec::new();
         walk.force(&mut forced);
@@ -213,6 +223,27 @@ impl Walk {
         Ok(forced)
     }
 
+    /// Takes steps back, at least one, to the last state from which an operator leads to one that was never visited; the
+    /// steps that are left, and the words that are forced after them. What was visited stays visited, so that a walk
+    /// which goes on until it is stuck and then backtracks, again and again, is a depth-first search: it comes to every state
+    /// that can be reached. `None`, and the walk where it was, if there is no such state.
+    pub fn backtrack(&mut self) -> Option<(usize, Vec<Word>)> {
+        if self.has_ended() {
+            return None;
+        }
+        let (steps, candidates) = self.before.iter().enumerate().rev().find_map(|(steps, state)| {
+            let candidates = self.fresh_successors(state);
+            (!candidates.is_empty()).then_some((steps, candidates))
+        })?;
+        self.state = self.before.swap_remove(steps);
+        self.before.truncate(steps);
+        self.plan.truncate(steps);
+        (self.place, self.candidates) = (Place::BetweenSteps, candidates);
+        let mut forced = Vec::new();
+        self.force(&mut forced);
+        Some((steps, forced))
+    }
+
     /// Takes words as long as there is no choice.
     fn force(&mut self, forced: &mut Vec<Word>) {
         while forced.len() < MOST_FORCED {
@@ -243,6 +274,7 @@ impl Walk {
             let (operator, next) = self.candidates.swap_remove(0);
             self.spoken.say_state(&self.state, &next, forced);
             self.plan.push(operator);
+            self.before.push(self.state.clone());
             self.enter(next);
         }
     }
@@ -254,15 +286,15 @@ impl Walk {
         self.place = Place::BetweenSteps;
         self.candidates.clear();
         if !(self.spoken.stop_at_goal && self.goal_holds()) {
-            self.candidates = self.fresh_successors();
+            self.candidates = self.fresh_successors(&self.state);
         }
     }
 
-    fn fresh_successors(&self) -> Vec<(OperatorId, State)> {
+    fn fresh_successors(&self, state: &State) -> Vec<(OperatorId, State)> {
         let (spoken, generator) = (&self.spoken, &self.spoken.generator);
-        let sayable = generator.applicable(&self.state).into_iter();
+        let sayable = generator.applicable(state).into_iter();
         let sayable = sayable.filter(|operator| !spoken.operators[operator.index()].is_empty());
-        let successors = sayable.map(|operator| (operator, generator.successor(&self.state, operator)));
+        let successors = sayable.map(|operator| (operator, generator.successor(state, operator)));
         successors.filter(|successor| !self.visited.contains(&successor.1)).collect()
     }
 

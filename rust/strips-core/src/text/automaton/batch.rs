@@ -101,6 +101,17 @@ impl MaskedDecoder {
         tokens.collect()
     }
 
+    /// Takes steps back in a row that is stuck, as [`Walk::backtrack`] does: the steps left and the tokens forced after them,
+    /// or `None` where there is nothing left to try.
+    ///
+    /// # Errors
+    /// [`MaskError`] for a row that does not exist, or a word without a token.
+    pub fn backtrack(&mut self, row: usize) -> Result<Option<(usize, Vec<u32>)>, MaskError> {
+        let walk = self.walks.get_mut(row).and_then(Option::as_mut).ok_or(MaskError::NoRow { row })?;
+        let Some((steps, forced)) = walk.backtrack() else { return Ok(None) };
+        Ok(Some((steps, self.tokens_of(row, &forced)?)))
+    }
+
     /// Writes for each of `rows` a row of flags, one for each token of the vocabulary: whether it may come next.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::*;
 use crate::pddl::{Source, parse_domain, parse_problem};
 use crate::random::Random;
-use crate::search::{PlanSet, Semantics};
+use crate::search::{PlanSet, Reach, Semantics, StateSpace};
 use crate::task::ground;
 use crate::task::limits::Limits;
 use crate::text::canonical::{Hints, Synonyms};
@@ -29,8 +29,12 @@ const PROBLEM: &str = "(define (problem two) (:domain lamps) (:objects attic - r
     (:goal (and (lit blue) (not (lit red)) (robot attic))))";
 
 fn lamps() -> Arc<Task> {
+    lamps_of(PROBLEM)
+}
+
+fn lamps_of(problem: &str) -> Arc<Task> {
     let domain = Arc::new(parse_domain(&Source::new("domain", DOMAIN)).unwrap());
-    let problem = parse_problem(&Source::new("problem", PROBLEM), &domain, None).unwrap();
+    let problem = parse_problem(&Source::new("problem", problem), &domain, None).unwrap();
     Arc::new(ground(domain, Arc::new(problem), &Limits::default()).unwrap())
 }
 
@@ -48,7 +52,10 @@ struct Scene {
 
 impl Scene {
     fn new(layout: Layout, stop_at_goal: bool) -> Self {
-        let task = lamps();
+        Self::of(lamps(), layout, stop_at_goal)
+    }
+
+    fn of(task: Arc<Task>, layout: Layout, stop_at_goal: bool) -> Self {
         let codec = Arc::new(Codec::new(&[(&task.domain, Synonyms::default())], layout));
         let names: Vec<String> = ["hall", "loft", "ruby", "azure"].map(str::to_owned).to_vec();
         let mut scene = Self {
@@ -173,6 +180,56 @@ fn whatever_is_chosen_the_text_is_an_executable_plan_with_the_true_states() {
         ended.insert(walk.has_ended());
     }
     assert_eq!(ended.len(), 2, "some walks end and some are stuck");
+}
+
+/// Chooses at random until the end; where the walk is stuck it backtracks, and where it cannot it is given back as it is.
+fn walk_with_backtracks(scene: &Scene, random: &mut Random) -> (Walk, Vec<Word>, usize) {
+    let (mut walk, mut words) = Walk::start(scene.spoken.clone());
+    let mut backtracks = 0;
+    while !walk.has_ended() {
+        if walk.is_stuck() {
+            let before = walk.plan().to_vec();
+            let Some((steps, forced)) = walk.backtrack() else { break };
+            assert!(steps < before.len() && walk.plan()[..steps] == before[..steps]);
+            let said = |word: &Word| *word == Marker::Action as Word;
+            let steps_begin: Vec<_> = (0..words.len()).filter(|&at| said(&words[at])).collect();
+            words.truncate(steps_begin[steps]);
+            words.extend(forced);
+            backtracks += 1;
+            continue;
+        }
+        let word = *random.choice(&walk.options());
+        words.push(word);
+        words.extend(walk.advance(word).unwrap());
+    }
+    (walk, words, backtracks)
+}
+
+#[test]
+fn a_walk_that_backtracks_where_it_is_stuck_comes_to_the_goal() {
+    let scene = Scene::new(Layout::Difference, true);
+    let (mut random, mut most) = (Random::new(2, 0), 0);
+    for _ in 0..300 {
+        let (walk, words, backtracks) = walk_with_backtracks(&scene, &mut random);
+        assert!(walk.has_ended() && is_simple(&scene, walk.plan()));
+        assert!(validate_operators(&scene.task, walk.plan()).is_valid());
+        assert_eq!(words, scene.words(walk.plan()));
+        most = most.max(backtracks);
+    }
+    assert!(most > 1, "some backtrack more than once");
+}
+
+#[test]
+fn without_a_plan_a_walk_that_backtracks_comes_to_every_state() {
+    let problem = PROBLEM.replace("(lit blue) (not (lit red))", "(hangs red hall)");
+    let scene = Scene::of(lamps_of(&problem), Layout::Difference, true);
+    let reachable = StateSpace::explore(&scene.task, Reach::default(), &Limits::default()).unwrap().len();
+    let mut random = Random::new(3, 0);
+    for _ in 0..30 {
+        let (walk, _, _) = walk_with_backtracks(&scene, &mut random);
+        assert!(!walk.has_ended() && walk.is_stuck());
+        assert_eq!(walk.visited.len(), reachable);
+    }
 }
 
 #[test]
