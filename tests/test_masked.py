@@ -44,6 +44,7 @@ EXTRAS = (
     ("tea cake - movable", "(inworkspace tea) (inworkspace cake) (on tea table) (on cake table)"),
 )
 GOALS = ("(on samovar shelf_{number})", "(opened samovar)", "(inhand samovar)", "(on samovar table)")
+OLD = ["generate.backtrack=false", "generate.renew_steps=0"]
 KEYS = ["generate.workers=1", "generate.max_new=400"]
 
 
@@ -155,7 +156,7 @@ def test_batch_size_and_threads_do_not_change_the_plans(
 
 
 def test_what_the_mask_removed_is_the_models_own_probability(questions: Questions) -> None:
-    found = planner(3, "generate.backtrack=false")
+    found = planner(3, *OLD)
     ids, legends = found.tokenizer.encode_prompts(questions.prompts)
     made = found._guided(Encoded(questions.prompts, ids, legends), "masked", questions.oracle())
     for number, generation in enumerate(made):
@@ -185,7 +186,7 @@ def slow_replay(
 
 
 def test_after_each_step_the_model_reads_the_state_in_a_new_prompt(questions: Questions) -> None:
-    found, words = planner(3, "generate.backtrack=false"), tokenizer()
+    found, words = planner(3, *OLD), tokenizer()
     made = found.complete(questions.prompts, "masked-replan", tasks=questions.oracle()).completions
     plain = found.complete(questions.prompts, "masked", tasks=questions.oracle()).completions
     for prompt, task, completion in zip(questions.prompts, questions.tasks, made, strict=True):
@@ -218,7 +219,7 @@ def test_after_each_step_the_model_reads_the_state_in_a_new_prompt(questions: Qu
     assert [c.text for c in made] != [c.text for c in plain]
 
 
-def slow_backtracking(found: Planner, asked: Encoded, oracle: Tasks, number: int, each_step: bool) -> tuple[Any, ...]:
+def slow_backtracking(found: Planner, asked: Encoded, oracle: Tasks, number: int, every: int) -> tuple[Any, ...]:
     """Masked decoding in which the model reads its whole row anew at every choice: tokens, choices, ways taken back."""
     guide = oracle_guide(found.tokenizer, asked.legends, oracle)
     renewal = Renewal(found.tokenizer, asked) if asked.list_objects() else None
@@ -239,7 +240,7 @@ def slow_backtracking(found: Planner, asked: Encoded, oracle: Tasks, number: int
             begins = [i for i, said in enumerate(text) if said == guide.step]
             text = [*text[: begins[taken[0]]], *taken[1]]
             back += 1
-        if renewal and (each_step or not is_open):
+        if renewal and (text[told:].count(guide.step) > every or not is_open):
             told = max(i for i, said in enumerate(text) if said == guide.step or i == 0)
             prompt = renewal([(number, text[:told])])[0] if told else [*map(int, asked.ids[number])]
     return text, choices, back
@@ -252,14 +253,16 @@ def slow_backtracking(found: Planner, asked: Encoded, oracle: Tasks, number: int
 def test_steps_are_taken_back_as_in_the_slow_twin(questions: Questions, decode: str, bare: bool, lstm: bool) -> None:
     prompts = [without_objects(prompt) if bare else prompt for prompt in questions.prompts]
     backs = 0
-    config = RunConfig.load(None, [*KEYS, "generate.max_new=4000", "generate.rows=5"]).generate
+    config = RunConfig.load(
+        None, [*KEYS, "generate.max_new=4000", "generate.rows=5", "generate.renew_steps=3"]
+    ).generate
     for seed in range(8):
         found = Planner(untrained_lstm(seed) if lstm else untrained(seed), tokenizer(), config)
         asked = Encoded(prompts, *found.tokenizer.encode_prompts(prompts))
         made = found._guided(asked, decode, questions.oracle())
         for number, generation in enumerate(made):
-            each_step = decode == "masked-replan"
-            text, choices, back = slow_backtracking(found, asked, questions.oracle(), number, each_step)
+            every = 1 if decode == "masked-replan" else 3
+            text, choices, back = slow_backtracking(found, asked, questions.oracle(), number, every)
             assert (list(generation.tokens), generation.choices) == (text, choices)
             backs += back
     assert backs > 5
@@ -361,7 +364,7 @@ def test_a_search_that_renews_its_prompts_reads_the_last_state_and_the_step_begu
 
 @pytest.mark.parametrize("ways", [("masked", "search"), ("masked-replan", "search-replan")])
 def test_by_discrepancy_the_model_s_favourites_come_first(questions: Questions, ways: tuple[str, str]) -> None:
-    settings = ["generate.search_order=discrepancy", "generate.search_calls=3000", "generate.backtrack=false"]
+    settings = ["generate.search_order=discrepancy", "generate.search_calls=3000", *OLD]
     found = planner(1, *settings)
     favourite, searched = (found.complete(questions.prompts, way, tasks=questions.oracle()).completions for way in ways)
     assert any(text.finished for text in favourite)

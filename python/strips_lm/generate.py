@@ -287,16 +287,16 @@ class Planner:
         if tasks is None:
             raise ConfigError(f"`--decode {decode}` needs the problem to be guided by")
         done, limits = _Counter(tick), self._limits()
-        each_step = decode.endswith("-replan")
-        renewal = Renewal(self.tokenizer, asked) if each_step or asked.list_objects() else None
+        replans = decode.endswith("-replan")
+        renewal = Renewal(self.tokenizer, asked) if replans or asked.list_objects() else None
 
         def loop() -> MaskedLoop | SearchLoop:
             decoder, guide = self._decoder(self.config.rows), oracle_guide(self.tokenizer, asked.legends, tasks)
             if decode.startswith("search"):
-                renew = renewal if each_step else None
+                renew = renewal if replans else None
                 return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done, renew=renew)
-            back = self.config.backtrack
-            return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal, each_step=each_step, backtrack=back)
+            back, every = self.config.backtrack, 1 if replans else self.config.renew_steps
+            return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal, every=every, backtrack=back)
 
         made = run_jobs(self._jobs(asked.ids), loop, self.workers)
         if not self.config.fallback:

@@ -284,6 +284,9 @@ class GenerateConfig:
     """`best-of-k`: continuations drawn for each prompt."""
     rerank: Literal["head", "likelihood", "oracle"] = "head"
     """`best-of-k`: who chooses among them."""
+    renew_steps: int = 4
+    """`masked`: steps after which the model reads a new prompt with the state at hand, where prompts list their objects;
+    0 is only where steps were taken back or its context is full. `masked-replan` does so after every step."""
     backtrack: bool = True
     """`masked`: whether steps are taken back where all that may follow lead to states that were there already, so that
     another may be tried; without it such a plan is left unfinished."""
@@ -314,7 +317,8 @@ class GenerateConfig:
         check(self.fallback_seconds > 0.0, "`generate.fallback_seconds` must be positive")
         check(0.0 < self.top_p <= 1.0, "`generate.top_p` is a share, above 0")
         check(self.temperature > 0.0, "`generate.temperature` must be positive; greedy decoding is `--decode greedy`")
-        check(self.top_k >= 0 and self.workers >= 0, "`generate.top_k` and `generate.workers` are at least 0")
+        counts = self.top_k, self.workers, self.renew_steps
+        check(min(counts) >= 0, "`generate.top_k`, `generate.workers` and `generate.renew_steps` are at least 0")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -4,8 +4,8 @@ The model is asked only where there is a choice: of the tokens allowed there the
 forces after it is appended and fed together with it, so that a text costs a model call a choice and not a token. Where
 nothing may come and the text is not over, steps are taken back until something may that was not tried: with a guide
 that lets no state come twice that is a depth-first search in the model's order. A model that can be asked anew from any
-state is asked so there, and where its context is full. How much probability the mask took away is counted at every
-choice. It knows token ids, a decoder and a guide; no text, no model, no planning.
+state is asked so there, after some steps, and where its context is full. How much probability the mask took away is
+counted at every choice. It knows token ids, a decoder and a guide; no text, no model, no planning.
 
 Price: a call is as wide as the longest chunk among its rows.
 """
@@ -127,17 +127,17 @@ class MaskedLoop:
         *,
         on_done: Callable[[Generation], None] | None = None,
         renew: Renew | None = None,
-        each_step: bool = False,
+        every: int = 0,
         backtrack: bool = False,
     ) -> None:
         """`on_done` is called for each finished text.
 
         With `renew` the model reads a new prompt, of the state that the last step led to, where steps were taken back
-        (`backtrack`; without it a text ends where nothing may come) and where its context is full; with `each_step`
-        after every step, so that it forgets what is done.
+        (`backtrack`; without it a text ends where nothing may come), where its context is full and, unless that is 0,
+        after `every` so many steps, so that it forgets what is done.
         """
         self.decoder, self.guide, self.limits, self.on_done = decoder, guide, limits, on_done
-        self.renew, self.each_step, self.backtrack = renew, each_step, backtrack
+        self.renew, self.every, self.backtrack = renew, every, backtrack
         self.capacity = len(decoder.lengths)
         self.device = decoder.lengths.device
         self.texts: list[_Text] = []
@@ -203,7 +203,8 @@ class MaskedLoop:
         """Where the step begins before which the model is to be asked anew; 0 where it goes on as it is."""
         if text.lost:
             return text.last_step(self.guide.step, 0)
-        if self.each_step or text.asked + len(text.tokens) - text.told > self.decoder.context:
+        full = text.asked + len(text.tokens) - text.told > self.decoder.context
+        if full or (self.every and text.tokens[text.told :].count(self.guide.step) > self.every):
             return text.last_step(self.guide.step, text.fed)
         return 0
 
