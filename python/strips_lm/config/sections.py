@@ -285,7 +285,7 @@ class GenerateConfig:
     rerank: Literal["head", "likelihood", "oracle"] = "head"
     """`best-of-k`: who chooses among them."""
     renew_steps: int = 4
-    """`masked`: steps after which the model reads a new prompt with the state at hand, where prompts list their objects;
+    """`masked`: steps after which the model reads a new prompt with the state at hand, if prompts list their objects;
     0 is only where steps were taken back or its context is full. `masked-replan` does so after every step."""
     backtrack: bool = True
     """`masked`: whether steps are taken back where all that may follow lead to states that were there already, so that
