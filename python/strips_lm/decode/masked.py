@@ -258,12 +258,12 @@ class MaskedLoop:
         """
         while text.wasted < self.limits.max_new and (found := self.guide.backtrack(text.row)):
             steps, forced = found
-            cut = [i for i, token in enumerate(text.tokens) if token == self.guide.step][steps]
-            text.wasted += len(text.tokens) - cut
+            start = [i for i, token in enumerate(text.tokens) if token == self.guide.step][steps]
+            text.wasted += len(text.tokens) - start
             text.room = min(text.room, max(self.limits.max_new - text.wasted, 0))
-            text.tokens[cut:] = forced
-            if cut < text.fed:
-                text.fed = cut
+            text.tokens[start:] = forced
+            if start < text.fed:
+                text.fed = start
                 text.lost = text.lost or self.renew is not None or not self._rewind(row, text)
             if self.guide.is_open([text.row])[0]:
                 return True
