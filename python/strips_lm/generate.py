@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from strips_lm._native import Domain
     from strips_lm.config import GenerateConfig
     from strips_lm.decode import Decoder
+    from strips_lm.decode.masked import Listener
     from strips_lm.guide import Tasks
     from strips_lm.tokenizer import PlanTokenizer
 
@@ -109,6 +110,9 @@ def check_decode(name: str) -> str:
 
 class Planner:
     """A model and its tokenizer, ready to continue prompts."""
+
+    on_text: Listener | None = None
+    """Hears what `masked` and `masked-replan` have written so far, after every choice."""
 
     def __init__(self, model: Any, tokenizer: PlanTokenizer, config: GenerateConfig, seed: int = 0) -> None:
         """Both as they are; `seed` decides what `sample` draws."""
@@ -296,7 +300,16 @@ class Planner:
                 renew = renewal if replans else None
                 return SearchLoop(decoder, guide, limits, budget=self._budget(), on_done=done, renew=renew)
             back, every = self.config.backtrack, 1 if replans else self.config.renew_steps
-            return MaskedLoop(decoder, guide, limits, on_done=done, renew=renewal, every=every, backtrack=back)
+            return MaskedLoop(
+                decoder,
+                guide,
+                limits,
+                on_done=done,
+                on_text=self.on_text,
+                renew=renewal,
+                every=every,
+                backtrack=back,
+            )
 
         made = run_jobs(self._jobs(asked.ids), loop, self.workers)
         if not self.config.fallback:

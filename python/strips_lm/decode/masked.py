@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Renew: TypeAlias = "Callable[[Sequence[tuple[int, Sequence[int]]]], Sequence[Sequence[int]]]"
 """Of each (prompt's number, tokens written after it) the prompt of going on from the last state in them."""
 
+Listener: TypeAlias = "Callable[[Sequence[int], Sequence[int]], None]"
+"""Hears a prompt and the tokens written after it."""
+
 
 class Guide(Protocol):
     """Follows texts after their prompts, each in a row with a number of the guide's own."""
@@ -129,15 +132,16 @@ class MaskedLoop:
         renew: Renew | None = None,
         every: int = 0,
         backtrack: bool = False,
+        on_text: Listener | None = None,
     ) -> None:
-        """`on_done` is called for each finished text.
+        """`on_done` is called for each finished text, `on_text` after each choice in one that goes on.
 
         With `renew` the model reads a new prompt, of the state that the last step led to, where steps were taken back
         (`backtrack`; without it a text ends where nothing may come), where its context is full and, unless that is 0,
         after `every` so many steps, so that it forgets what is done.
         """
         self.decoder, self.guide, self.limits, self.on_done = decoder, guide, limits, on_done
-        self.renew, self.every, self.backtrack = renew, every, backtrack
+        self.renew, self.every, self.backtrack, self.on_text = renew, every, backtrack, on_text
         self.capacity = len(decoder.lengths)
         self.device = decoder.lengths.device
         self.texts: list[_Text] = []
@@ -154,6 +158,9 @@ class MaskedLoop:
             if self.texts:
                 self._choose(logits)
                 self._retire()
+            if self.on_text is not None:
+                for text in self.texts:
+                    self.on_text(text.job.ids, text.tokens)
             if self.texts:
                 logits = self.decoder.feed(0, *pad(self._chunks(), self.device))
         return [self.done[job.prompt, job.draw] for job in jobs]

@@ -126,7 +126,10 @@ class Service:
                 seen[0] = text.count("<ACTION>")
                 tell({"event": "steps", "steps": [_step(step) for step in trace(asked.prompt, whole).steps]})
 
-        planner.listen = listen
+        if decode.startswith("masked"):  # what the decoder holds may be a new prompt there, not the whole text
+            planner.listen, planner.on_text = (lambda _: None), (lambda prompt, tokens: listen([*prompt, *tokens]))
+        else:
+            planner.listen, planner.on_text = listen, None
         return planner.complete([asked.prompt], decode, asked.holds, tasks=asked.tasks()).completions[0]
 
     def _answer(self, asked: Asked, made: Completion) -> dict[str, Any]:
