@@ -222,7 +222,7 @@ def test_after_each_step_the_model_reads_the_state_in_a_new_prompt(questions: Qu
 def slow_backtracking(found: Planner, asked: Encoded, oracle: Tasks, number: int, every: int) -> tuple[Any, ...]:
     """Masked decoding in which the model reads its whole row anew at every choice: tokens, choices, ways taken back."""
     guide = oracle_guide(found.tokenizer, asked.legends, oracle)
-    renewal = Renewal(found.tokenizer, asked) if asked.list_objects() else None
+    renewal = Renewal(found.tokenizer, asked) if asked.lists_objects() else None
     (row,), (text,) = guide.add([number])
     prompt, told, choices, back = [*map(int, asked.ids[number])], 0, 0, 0
     while not guide.has_ended(row):

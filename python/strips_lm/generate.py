@@ -292,7 +292,7 @@ class Planner:
             raise ConfigError(f"`--decode {decode}` needs the problem to be guided by")
         done, limits = _Counter(tick), self._limits()
         replans = decode.endswith("-replan")
-        renewal = Renewal(self.tokenizer, asked) if replans or asked.list_objects() else None
+        renewal = Renewal(self.tokenizer, asked) if replans or asked.lists_objects() else None
 
         def loop() -> MaskedLoop | SearchLoop:
             decoder, guide = self._decoder(self.config.rows), oracle_guide(self.tokenizer, asked.legends, tasks)

@@ -105,7 +105,7 @@ class Encoded:
     ids: Sequence[Any]
     legends: Sequence[Any]
 
-    def list_objects(self) -> bool:
+    def lists_objects(self) -> bool:
         """Whether all prompts list their objects, so that their slots are the same from another state."""
         return all("<OBJECTS>" in prompt for prompt in self.prompts)
 
@@ -119,7 +119,7 @@ class Renewal:
         Raises:
             ConfigError: a prompt does not list its objects, so that its slots would not be the same from another state.
         """
-        if not asked.list_objects():
+        if not asked.lists_objects():
             raise ConfigError("planning anew needs prompts that list their objects\nhint: the style `typed` does")
         self.tokenizer, self.asked = tokenizer, asked
 

@@ -239,7 +239,7 @@ class MaskedLoop:
         del self.texts[left:]
 
     def _ended(self, texts: Sequence[_Text]) -> list[bool]:
-        """Of each text whether nothing comes after it; those are reported."""
+        """Of each text whether nothing comes after it, steps taken back or not; those are reported."""
         going = self.guide.is_open([text.row for text in texts])
         if self.backtrack:
             going = [
