@@ -34,7 +34,7 @@ def completion(question: Questions, text: str) -> Completion:
 
 
 def test_what_the_mask_wrote_is_allowed_everywhere_and_its_removed_shares_add_up(question: Questions) -> None:
-    found = planner(2)
+    found = planner(2, "generate.shorten=false")
     made = found.complete(question.prompts, "masked", tasks=question.oracle()).completions[0]
     steps = explain(found, question.prompts[0], made, question.oracle())
     positions = [position for step in steps for position in step.positions]

@@ -44,7 +44,8 @@ EXTRAS = (
     ("tea cake - movable", "(inworkspace tea) (inworkspace cake) (on tea table) (on cake table)"),
 )
 GOALS = ("(on samovar shelf_{number})", "(opened samovar)", "(inhand samovar)", "(on samovar table)")
-OLD = ["generate.backtrack=false", "generate.renew_steps=0"]
+AS_WRITTEN = ["generate.shorten=false"]
+OLD = ["generate.backtrack=false", "generate.renew_steps=0", *AS_WRITTEN]
 KEYS = ["generate.workers=1", "generate.max_new=400"]
 
 
@@ -254,7 +255,7 @@ def test_steps_are_taken_back_as_in_the_slow_twin(questions: Questions, decode: 
     prompts = [without_objects(prompt) if bare else prompt for prompt in questions.prompts]
     backs = 0
     config = RunConfig.load(
-        None, [*KEYS, "generate.max_new=4000", "generate.rows=5", "generate.renew_steps=3"]
+        None, [*KEYS, *AS_WRITTEN, "generate.max_new=4000", "generate.rows=5", "generate.renew_steps=3"]
     ).generate
     for seed in range(8):
         found = Planner(untrained_lstm(seed) if lstm else untrained(seed), tokenizer(), config)
@@ -281,6 +282,24 @@ def test_with_room_enough_every_problem_is_solved_whatever_the_model(
         made = Planner(model, words, config).complete(questions.prompts, decode, tasks=questions.oracle())
         assert [completion.finished for completion in made.completions] == solvable
         assert [judgement.verdict.is_valid for judgement in questions.judge(made)] == solvable
+
+
+@pytest.mark.parametrize("decode", ["masked", "masked-replan"])
+def test_plans_are_shortened_after_the_model_has_made_its_choices(questions: Questions, decode: str) -> None:
+    shorter = 0
+    for seed in range(4):
+        written = planner(seed, *AS_WRITTEN).complete(questions.prompts, decode, tasks=questions.oracle())
+        short = planner(seed).complete(questions.prompts, decode, tasks=questions.oracle())
+        judged = zip(
+            written.completions, short.completions, questions.judge(written), questions.judge(short), strict=True
+        )
+        for text, other, before, after in judged:
+            assert (text.choices, text.finished) == (other.choices, other.finished)
+            assert after.verdict.is_valid == before.verdict.is_valid
+            assert after.states_right == after.states_total == after.steps
+            assert after.steps < before.steps or other.text == text.text
+            shorter += after.steps < before.steps
+    assert shorter > 5
 
 
 def without_objects(prompt: str) -> str:

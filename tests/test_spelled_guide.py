@@ -129,3 +129,19 @@ def test_what_an_untrained_model_ends_is_valid(tokenizer: SpelledTokenizer, ques
     made = found.complete(questions.prompts, decode, tasks=questions.oracle())
     (judged,) = questions.judge(made)
     assert judged.verdict.is_valid == made.completions[0].finished
+
+
+def test_a_shortened_plan_is_spelled_like_any_other(tokenizer: SpelledTokenizer, questions: Questions) -> None:
+    shorter = 0
+    for seed in range(6):
+        model, plans = untrained(seed, 1400, tokenizer), []
+        for shorten in ("false", "true"):
+            settings = RunConfig.load(None, [*KEYS, "generate.max_new=4000", f"generate.shorten={shorten}"]).generate
+            made = Planner(model, tokenizer, settings).complete(questions.prompts, "masked", tasks=questions.oracle())
+            (judged,) = questions.judge(made)
+            assert judged.verdict.is_valid == made.completions[0].finished
+            assert judged.states_right == judged.states_total == judged.steps
+            plans.append(judged.steps)
+        shorter += plans[1] < plans[0]
+        assert plans[1] <= plans[0]
+    assert shorter

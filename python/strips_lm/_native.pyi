@@ -633,6 +633,11 @@ class MaskedDecoder:
 
         The number of steps left and the tokens forced after them, or `None` where nothing is left to try.
         """
+    def shortened(self, row: int) -> list[int] | None:
+        """The tokens of the shortest plan through states that a row, which has ended, came to.
+
+        `None` where its own plan is that short, or it has not ended.
+        """
     def plan(self, row: int) -> list[str]:
         """The operators of a row so far, such as `(pick cup)`."""
     def fork(self, row: int) -> int:

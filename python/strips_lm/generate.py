@@ -79,6 +79,8 @@ class Completion:
     """The tokens themselves."""
     by_oracle: bool = False
     """`generate.fallback`: whether the oracle's own search wrote it, the model having come to no plan."""
+    steps_cut: int = 0
+    """`masked`: by how many steps the plan is shorter than the one that the model came to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,6 +311,7 @@ class Planner:
                 renew=renewal,
                 every=every,
                 backtrack=back,
+                shorten=self.config.shorten,
             )
 
         made = run_jobs(self._jobs(asked.ids), loop, self.workers)
@@ -339,7 +342,17 @@ class Planner:
     def _texts(self, ids: Sequence[Any], legends: Sequence[Any], made: Sequence[Generation]) -> list[Completion]:
         texts = self.tokenizer.decode_completions(ids, [g.tokens for g in made], legends)
         return [
-            Completion(text, len(g.tokens), g.finished, g.log_probability, g.choices, g.removed, g.tokens, g.by_oracle)
+            Completion(
+                text,
+                len(g.tokens),
+                g.finished,
+                g.log_probability,
+                g.choices,
+                g.removed,
+                g.tokens,
+                g.by_oracle,
+                g.steps_cut,
+            )
             for text, g in zip(texts, made, strict=True)
         ]
 

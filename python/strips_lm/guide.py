@@ -74,6 +74,13 @@ class OracleGuide:
         """
         return self.decoder.backtrack(row)
 
+    def shortened(self, row: int) -> list[int] | None:
+        """The tokens of the shortest plan through states that a row, which has ended, came to.
+
+        `None` where its own plan is that short, or it has not ended.
+        """
+        return self.decoder.shortened(row)
+
     def has_ended(self, row: int) -> bool:
         """Whether a row's plan has come to its end, and so is valid."""
         return self.decoder.status([row])[0] == "ended"

@@ -6,7 +6,7 @@
 
 Rows may be sampled, repeated (`num_return_sequences`) and reordered (`num_beams`): what follows a prompt is looked up
 by its tokens, not by its row. Our own loop (`--decode masked`) is faster, as it feeds what is forced in one go, and can
-do more: with `generate.backtrack=false` and `generate.renew_steps=0` it gives the same texts.
+do more: with `generate.backtrack=false`, `generate.renew_steps=0` and `generate.shorten=false` it gives the same texts.
 Price: an automaton's copy for each token that was chosen.
 """
 

@@ -92,6 +92,14 @@ class SpelledGuide(OracleGuide):
         self.begun[row] = ()
         return found[0], self._go_on(row, found[1])
 
+    def shortened(self, row: int) -> list[int] | None:
+        """The tokens of the shortest plan through states that a row, which has ended, came to.
+
+        `None` where its own plan is that short, or it has not ended.
+        """
+        words = super().shortened(row)
+        return None if words is None else self._spell(row, words)
+
     def fork(self, row: int) -> int:
         """A new row that goes on from where `row` is."""
         new = super().fork(row)
@@ -107,6 +115,11 @@ class SpelledGuide(OracleGuide):
     def _name(self, row: int, slot: int) -> tuple[int, ...]:
         """The pieces of a slot's name."""
         return tuple(self.tokenizer.spell(self.legends[self.prompts[row]].names[slot]))
+
+    def _spell(self, row: int, words: Sequence[int]) -> list[int]:
+        """The tokens of words, names in the place of slots."""
+        first = self.first_slot
+        return [piece for word in words for piece in (self._name(row, word - first) if word >= first else (word,))]
 
     def _candidates(self, row: int, allowed: NDArray[np.bool_]) -> list[tuple[int, tuple[int, ...]]]:
         """The slots that may come, with their names, of which the row's begun one is the beginning."""
@@ -147,10 +160,9 @@ class SpelledGuide(OracleGuide):
 
     def _go_on(self, row: int, words: Sequence[int]) -> list[int]:
         """The tokens of forced words, and the pieces that are forced after them."""
-        first = self.first_slot
-        spelled = [piece for word in words for piece in (self._name(row, word - first) if word >= first else (word,))]
+        spelled = self._spell(row, words)
         (allowed,) = super().mask([row])
-        if allowed[:first].any() and not self.begun[row]:
+        if allowed[: self.first_slot].any() and not self.begun[row]:
             return spelled
         begun, candidates = self.begun[row], self._candidates(row, allowed)
         columns = zip(*(name[len(begun) :] for _, name in candidates), strict=False)

@@ -143,6 +143,7 @@ def _print_json(
     }
     if made.choices:
         found |= {"choices": made.choices, "removed_share": made.removed / made.choices}
+        found |= {"steps_cut": made.steps_cut}
     if steps is not None:
         found["steps"] = explanation.to_json(steps, judgement)
     print(json.dumps(found))
@@ -173,6 +174,8 @@ def guidance(made: Completion) -> str:
         return "the oracle's own search answers" if made.by_oracle else ""
     share, plural = 100 * made.removed / made.choices, "s" * (made.choices != 1)
     said = f"guided by the oracle: {made.choices} choice{plural}, the mask removed {share:.3g} % of the probability"
+    if made.steps_cut:
+        said += f", detours of {made.steps_cut} step{'s' * (made.steps_cut != 1)} cut out"
     return f"{said}; the model came to no plan, and the oracle's own search answers" if made.by_oracle else said
 
 

@@ -290,6 +290,9 @@ class GenerateConfig:
     backtrack: bool = True
     """`masked`: whether steps are taken back where all that may follow lead to states that were there already, so that
     another may be tried; without it such a plan is left unfinished."""
+    shorten: bool = True
+    """`masked`: whether a plan gives way to the shortest through no other states than those that its text came to, with
+    those of steps that were taken back."""
     search_calls: int = 500
     """`search`: calls of the model after which it gives up on a prompt."""
     search_seconds: float = 0.0

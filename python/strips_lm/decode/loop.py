@@ -77,6 +77,8 @@ class Generation:
     """Under a mask: the probability that it took away, summed over the choices."""
     by_oracle: bool = False
     """Whether the oracle's own search wrote it, the model having found no end."""
+    steps_cut: int = 0
+    """Under a mask: steps of the model's text that a shorter way made needless."""
 
 
 class Runs(Protocol):

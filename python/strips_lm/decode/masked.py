@@ -4,15 +4,16 @@ The model is asked only where there is a choice: of the tokens allowed there the
 forces after it is appended and fed together with it, so that a text costs a model call a choice and not a token. Where
 nothing may come and the text is not over, steps are taken back until something may that was not tried: with a guide
 that lets no state come twice that is a depth-first search in the model's order. A model that can be asked anew from any
-state is asked so there, after some steps, and where its context is full. How much probability the mask took away is
-counted at every choice. It knows token ids, a decoder and a guide; no text, no model, no planning.
+state is asked so there, after some steps, and where its context is full. A text that went a long way round may give way
+to a shorter one that the guide knows. How much probability the mask took away is counted at every choice. It knows
+token ids, a decoder and a guide; no text, no model, no planning.
 
 Price: a call is as wide as the longest chunk among its rows.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import torch
@@ -59,6 +60,9 @@ class Guide(Protocol):
 
         `None` where the row has ended, or nothing is left to try.
         """
+
+    def shortened(self, row: int) -> list[int] | None:
+        """The tokens of a shorter text by way of what a row, which has ended, came to; `None` where there is none."""
 
     def remove(self, rows: Sequence[int]) -> None:
         """Forget rows."""
@@ -132,16 +136,19 @@ class MaskedLoop:
         renew: Renew | None = None,
         every: int = 0,
         backtrack: bool = False,
+        shorten: bool = False,
         on_text: Listener | None = None,
     ) -> None:
         """`on_done` is called for each finished text, `on_text` after each choice in one that goes on.
 
         With `renew` the model reads a new prompt, of the state that the last step led to, where steps were taken back
         (`backtrack`; without it a text ends where nothing may come), where its context is full and, unless that is 0,
-        after `every` so many steps, so that it forgets what is done.
+        after `every` so many steps, so that it forgets what is done. With `shorten` a text that has ended gives way
+        to a shorter one that the guide has for it.
         """
         self.decoder, self.guide, self.limits, self.on_done = decoder, guide, limits, on_done
         self.renew, self.every, self.backtrack, self.on_text = renew, every, backtrack, on_text
+        self.shorten = shorten
         self.capacity = len(decoder.lengths)
         self.device = decoder.lengths.device
         self.texts: list[_Text] = []
@@ -250,13 +257,23 @@ class MaskedLoop:
             for text, more in zip(texts, going, strict=True)
         ]
         over = [text for text, end in zip(texts, ended, strict=True) if end]
-        self.guide.remove([text.row for text in over])
         for text in over:
             made = text.generation(self.limits.stop, self.guide.step)
+            if self.shorten and made.finished:
+                made = self._shortened(made, text.row)
             self.done[made.prompt, made.draw] = made
             if self.on_done is not None:
                 self.on_done(made)
+        self.guide.remove([text.row for text in over])
         return ended
+
+    def _shortened(self, made: Generation, row: int) -> Generation:
+        """The shorter text that the guide has for a row, or the text itself."""
+        tokens = self.guide.shortened(row)
+        if tokens is None:
+            return made
+        cut = made.tokens.count(self.guide.step) - tokens.count(self.guide.step)
+        return replace(made, tokens=tokens, steps_cut=cut)
 
     def _backtracks(self, row: int, text: _Text) -> bool:
         """Takes back the steps of a text, in that row of the decoder, after which nothing may come.

@@ -93,6 +93,11 @@ impl MaskedDecoder {
         self.core().backtrack(row).map_err(error)
     }
 
+    /// The tokens of the shortest plan through states that a row, which has ended, came to; `None` if its own is that short.
+    fn shortened(&self, py: Python<'_>, row: usize) -> PyResult<Option<Vec<u32>>> {
+        py.detach(|| self.core().shortened(row)).map_err(error)
+    }
+
     /// The operators of a row so far, such as `(pick cup)`.
     fn plan(&self, row: usize) -> PyResult<Vec<String>> {
         let core = self.core();

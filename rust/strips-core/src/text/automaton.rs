@@ -13,7 +13,7 @@ mod batch;
 
 use std::sync::Arc;
 
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 pub use batch::{MaskError, MaskedDecoder};
 
@@ -117,6 +117,20 @@ impl SpokenTask {
             packed = packed.with_arg(position, self.slots[arg.index()]?);
         }
         Some(packed)
+    }
+
+    /// The words of a plan from the initial state, each step and the end.
+    fn say_plan(&self, plan: &[OperatorId]) -> Vec<Word> {
+        let (mut state, mut words) = (self.task.init.clone(), Vec::new());
+        for &operator in plan {
+            let next = self.generator.successor(&state, operator);
+            words.push(Marker::Action as Word);
+            words.extend(&self.operators[operator.index()]);
+            self.say_state(&state, &next, &mut words);
+            state = next;
+        }
+        words.push(Marker::End as Word);
+        words
     }
 
     /// Appends the words for `next` after `before`.
@@ -244,6 +258,37 @@ impl Walk {
         Some((steps, forced))
     }
 
+    /// The words of a shorter plan, where there is one that goes through no other states than the walk came to, those that it
+    /// backtracked from included: of these the shortest. Only of a walk that has ended.
+    pub fn shortened(&self) -> Option<Vec<Word>> {
+        let plan = self.has_ended().then(|| self.shortest_among_visited())?;
+        (plan.len() < self.plan.len()).then(|| self.spoken.say_plan(&plan))
+    }
+
+    /// A shortest plan, breadth first, through states that were visited.
+    fn shortest_among_visited(&self) -> Vec<OperatorId> {
+        let task = &self.spoken.task;
+        let mut origins: FxHashMap<State, Option<(usize, OperatorId)>> =
+            FxHashMap::from_iter([(task.init.clone(), None)]);
+        let mut reached = vec![task.init.clone()];
+        let mut number = 0;
+        while number < reached.len() && !task.goal.holds(&reached[number]) {
+            let state = reached[number].clone();
+            for (operator, next) in self.sayable_successors(&state) {
+                if self.visited.contains(&next) && !origins.contains_key(&next) {
+                    origins.insert(next.clone(), Some((number, operator)));
+                    reached.push(next);
+                }
+            }
+            number += 1;
+        }
+        let origin = |state: usize| origins[&reached[state]];
+        let back = std::iter::successors(origin(number), |&(before, _)| origin(before));
+        let mut plan: Vec<OperatorId> = back.map(|(_, operator)| operator).collect();
+        plan.reverse();
+        plan
+    }
+
     /// Takes words as long as there is no choice.
     fn force(&mut self, forced: &mut Vec<Word>) {
         while forced.len() < MOST_FORCED {
@@ -291,11 +336,15 @@ impl Walk {
     }
 
     fn fresh_successors(&self, state: &State) -> Vec<(OperatorId, State)> {
+        self.sayable_successors(state).filter(|successor| !self.visited.contains(&successor.1)).collect()
+    }
+
+    /// The operators that may follow a state, those that cannot be said left out, and where they lead.
+    fn sayable_successors(&self, state: &State) -> impl Iterator<Item = (OperatorId, State)> {
         let (spoken, generator) = (&self.spoken, &self.spoken.generator);
         let sayable = generator.applicable(state).into_iter();
         let sayable = sayable.filter(|operator| !spoken.operators[operator.index()].is_empty());
-        let successors = sayable.map(|operator| (operator, generator.successor(state, operator)));
-        successors.filter(|successor| !self.visited.contains(&successor.1)).collect()
+        sayable.map(|operator| (operator, generator.successor(state, operator)))
     }
 
     fn goal_holds(&self) -> bool {

@@ -112,6 +112,14 @@ impl MaskedDecoder {
         Ok(Some((steps, self.tokens_of(row, &forced)?)))
     }
 
+    /// The tokens of a shorter plan than the row's, as [`Walk::shortened`] finds it; `None` where there is none.
+    ///
+    /// # Errors
+    /// [`MaskError`] for a row that does not exist, or a word without a token.
+    pub fn shortened(&self, row: usize) -> Result<Option<Vec<u32>>, MaskError> {
+        self.walk(row)?.shortened().map(|words| self.tokens_of(row, &words)).transpose()
+    }
+
     /// Writes for each of `rows` a row of flags, one for each token of the vocabulary: whether it may come next.
     ///
     /// # Errors

@@ -232,6 +232,49 @@ fn without_a_plan_a_walk_that_backtracks_comes_to_every_state() {
     }
 }
 
+/// The fewest steps between two of the states, through these alone: every way, layer by layer.
+fn fewest_steps(scene: &Scene, states: &FxHashSet<State>) -> usize {
+    let mut layer = FxHashSet::from_iter([scene.task.init.clone()]);
+    for steps in 0.. {
+        if layer.iter().any(|state| scene.task.goal.holds(state)) {
+            return steps;
+        }
+        let successors = |state: &State| {
+            let applicable = scene.task.operators.iter().filter(|operator| operator.applicable(state));
+            applicable.map(|operator| scene.task.apply(operator, state)).collect::<Vec<_>>()
+        };
+        layer = layer.iter().flat_map(successors).filter(|state| states.contains(state)).collect();
+    }
+    unreachable!("the walk's own plan leads to the goal")
+}
+
+#[test]
+fn a_shortened_plan_is_the_shortest_through_the_states_of_the_walk() {
+    for layout in [Layout::Difference, Layout::Report] {
+        let scene = Scene::new(layout, true);
+        let (mut random, mut shorter) = (Random::new(4, 0), 0);
+        for _ in 0..200 {
+            let (walk, words, _) = walk_with_backtracks(&scene, &mut random);
+            let fewest = fewest_steps(&scene, &walk.visited);
+            let Some(shortened) = walk.shortened() else {
+                assert_eq!(fewest, walk.plan().len());
+                continue;
+            };
+            let steps = shortened.iter().filter(|&&word| word == Marker::Action as Word).count();
+            assert!(steps == fewest && fewest < walk.plan().len() && shortened.len() < words.len());
+            assert!(allows(&scene, &shortened), "an executable plan to the goal with the true states");
+            shorter += 1;
+        }
+        assert!((20..180).contains(&shorter), "{shorter}");
+    }
+}
+
+#[test]
+fn a_walk_that_has_not_ended_is_not_shortened() {
+    let (walk, _) = Walk::start(Scene::new(Layout::Difference, true).spoken.clone());
+    assert_eq!(walk.shortened(), None);
+}
+
 #[test]
 fn a_word_that_is_not_allowed_is_refused_and_changes_nothing() {
     let scene = Scene::new(Layout::Difference, true);
