@@ -130,7 +130,7 @@ def slotted(length=6, first=10, count=8):
     tokens = np.array([1, 10, 2, 11, 12, 3], dtype=np.uint16)[:length]
     ragged = Ragged(tokens, np.array([0, len(tokens)]))
     zero = np.zeros(1, dtype=np.int64)
-    return PlanDataset(ragged, ragged, ragged, zero, np.zeros(1), zero, 0, (first, count))
+    return PlanDataset(ragged, ragged, ragged, zero, np.zeros(1), zero, 0, ((first, count),))
 
 
 def test_slots_are_renumbered_in_order_and_alike_in_a_record():

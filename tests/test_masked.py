@@ -87,7 +87,7 @@ def tokenizer() -> CanonicalTokenizer:
     return CanonicalTokenizer(_native.CanonicalCodec(domain), 16)
 
 
-def untrained(seed: int, positions: int = 512, words: CanonicalTokenizer | None = None) -> Any:
+def untrained(seed: int, positions: int = 512, words: Any = None) -> Any:
     torch.manual_seed(seed)
     words = words or tokenizer()
     sizes = {"n_positions": positions, "n_embd": 32, "n_layer": 2, "n_head": 2}
@@ -95,10 +95,10 @@ def untrained(seed: int, positions: int = 512, words: CanonicalTokenizer | None 
     return GPT2LMHeadModel(GPT2Config(vocab_size=words.vocab_size, **sizes, **ends)).eval()
 
 
-def untrained_lstm(seed: int = 5) -> Any:
+def untrained_lstm(seed: int = 5, words: Any = None) -> Any:
     torch.manual_seed(seed)
     sizes = {"embedding_size": 16, "hidden_size": 24}
-    return LstmLMHeadModel(LstmConfig(vocab_size=tokenizer().vocab_size, **sizes)).eval()
+    return LstmLMHeadModel(LstmConfig(vocab_size=(words or tokenizer()).vocab_size, **sizes)).eval()
 
 
 def planner(seed: int = 1, *overrides: str) -> Planner:

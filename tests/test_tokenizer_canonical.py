@@ -47,7 +47,7 @@ def test_a_prompt_has_the_same_tokens_alone_and_in_a_record(tokenizer):
 
 
 def test_slots_are_the_last_ids_and_names_leave_no_trace(tokenizer):
-    first, count = tokenizer.slots
+    ((first, count),) = tokenizer.slots
     assert (first + count, count) == (tokenizer.vocab_size, 8)
     assert tokenizer.hf.convert_ids_to_tokens([first, first + 7]) == ["o0", "o7"]
     renamed = [text.replace("torch", "lantern").replace("qx_9", "glim") for text in PROMPTS]

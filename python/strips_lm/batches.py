@@ -214,7 +214,7 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
         parts = data.parts(record)
         if data.spelling is not None:
             parts = _name(data, data.spelling, record, dress, rng)
-        elif renumber and data.slots[1]:
+        elif renumber and data.slots:
             parts = _renumber(parts, data.slots, rng)
         positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
         groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))) if pair else (positive,))
@@ -235,17 +235,27 @@ def _name(
 
 
 def _renumber(
-    parts: list[NDArray[np.integer]], slots: tuple[int, int], rng: np.random.Generator
+    parts: list[NDArray[np.integer]], slots: Sequence[tuple[int, int]], rng: np.random.Generator
 ) -> list[NDArray[np.integer]]:
-    """Maps the slots in use to random increasing slots: one time in two to any, else to near ones."""
-    first, count = slots
-    used = max(int(part.max(initial=0)) for part in parts) - first + 1
-    if used < 1 or used > count:
+    """Maps the slots in use to random increasing slots of their block: one time in two to any, else to near ones."""
+    seen = np.unique(np.concatenate(parts))
+    found = [(first, count, _used(seen, first, count)) for first, count in slots]
+    found = [block for block in found if block[2]]
+    if not found:
         return parts
-    reach = count if rng.integers(2) else min(count, used + 4)
-    table = np.arange(first + count)
-    table[first : first + used] = first + np.sort(rng.choice(reach, used, replace=False))
+    wide = bool(rng.integers(2))
+    spare = 4 if len(slots) == 1 else 2  # A block of one type holds fewer objects than one of all.
+    table = np.arange(max(int(seen[-1]) + 1, *(first + count for first, count, _ in found)))
+    for first, count, used in found:
+        reach = count if wide else min(count, used + spare)
+        table[first : first + used] = first + np.sort(rng.choice(reach, used, replace=False))
     return [table[part] for part in parts]
+
+
+def _used(seen: NDArray[np.integer], first: int, count: int) -> int:
+    """One more than the last slot of a block among the tokens, which ascend."""
+    end = int(np.searchsorted(seen, first + count))
+    return max(0, int(seen[end - 1]) - first + 1) if end else 0
 
 
 def _cut_batches(groups: list[Group], batch_tokens: int) -> list[list[Group]]:

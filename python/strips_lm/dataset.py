@@ -108,8 +108,8 @@ class PlanDataset:
     """The records that fit the context; the others are left out."""
     pad: int
     """The padding token."""
-    slots: tuple[int, int]
-    """(first, count) of the tokens that may be renumbered."""
+    slots: tuple[tuple[int, int], ...]
+    """(first, count) of each block of tokens that may be renumbered within it."""
     spelling: Spelling | None = None
     """How names are drawn for the slots, where the model is to read spelled ones."""
     named: PlanDataset | None = None

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from strips_lm import _native
-from strips_lm.guide import Tasks, check_domain
-from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer
+from strips_lm.spelled_guide import oracle_guide
+from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer, TypedTokenizer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from strips_lm.generate import Completion, Planner
+    from strips_lm.guide import OracleGuide, Tasks
     from strips_lm.tokenizer import PlanTokenizer
 
 
@@ -87,15 +87,15 @@ def explain(planner: Planner, prompt: str, made: Completion, tasks: Tasks | None
 class _Walk:
     """The oracle's automaton beside one text, which need not follow it."""
 
-    def __init__(self, decoder: _native.MaskedDecoder, forced: list[int], state: int) -> None:
-        self.decoder, self.forced, self.state = decoder, forced, state
-        self.lost = False
+    def __init__(self, guide: OracleGuide) -> None:
+        (self.row,), (self.forced,) = guide.add([0])
+        self.guide, self.lost = guide, False
 
     def allowed(self) -> Tensor | None:
         """Flags over the vocabulary; `None` where the text has left what can be executed."""
         if self.lost:
             return None
-        flags = torch.from_numpy(self.decoder.mask([0])[0])
+        flags = torch.from_numpy(self.guide.mask([self.row])[0])
         if self.forced:
             flags = torch.zeros_like(flags)
             flags[self.forced[0]] = True
@@ -109,11 +109,11 @@ class _Walk:
         elif self.forced:
             del self.forced[0]
         else:
-            self.forced = self.decoder.advance([0], [token])[0]
+            self.forced = self.guide.advance([self.row], [token])[0]
 
     def true_state(self, ends: Sequence[int]) -> list[int] | None:
         """The tokens of the true state, which begins here; they count as taken."""
-        if self.lost or self.forced[:1] != [self.state]:
+        if self.lost or self.forced[:1] != [self.guide.state]:
             return None
         stop = next((i for i, token in enumerate(self.forced) if token in ends), len(self.forced))
         found, self.forced = self.forced[:stop], self.forced[stop:]
@@ -121,14 +121,9 @@ class _Walk:
 
 
 def _walk(planner: Planner, legend: Any, tasks: Tasks | None) -> _Walk | None:
-    tokenizer = planner.tokenizer
-    if tasks is None or not isinstance(tokenizer, CanonicalTokenizer):
+    if tasks is None or not isinstance(planner.tokenizer, CanonicalTokenizer | TypedTokenizer):
         return None
-    check_domain(tokenizer, tasks.domain)
-    decoder = _native.MaskedDecoder(tokenizer.codec, tokenizer.words)
-    found, names = tasks.find([0])
-    _, (forced,) = decoder.add(found, [legend], names)
-    return _Walk(decoder, forced, tokenizer.ids["<STATE>"])
+    return _Walk(oracle_guide(planner.tokenizer, [legend], tasks))
 
 
 class _Reader:
@@ -199,7 +194,7 @@ class _Reader:
         return Position(self._word(token), float(shares[token]), _flag(allowed, token), removed, choices)
 
     def _words(self, tokens: Sequence[int]) -> str:
-        if isinstance(self.tokenizer, CanonicalTokenizer):
+        if isinstance(self.tokenizer, CanonicalTokenizer | TypedTokenizer):
             return " ".join(map(self._word, tokens))
         if isinstance(self.tokenizer, SpelledTokenizer):
             return self.tokenizer.say(tokens, self.legend)
@@ -207,9 +202,11 @@ class _Reader:
 
     def _word(self, token: int) -> str:
         """A token as people read it: slots by the prompt's own names."""
+        if isinstance(self.tokenizer, TypedTokenizer):
+            return self.tokenizer.say(token, self.legend)
         if not isinstance(self.tokenizer, CanonicalTokenizer):
             return str(self.tokenizer.hf.decode([token]))
-        slot = token - self.tokenizer.slots[0]
+        slot = token - self.tokenizer.slots[0][0]
         names = self.legend.names
         return names[slot] if 0 <= slot < len(names) else self.tokenizer.words[token]
 

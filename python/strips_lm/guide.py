@@ -44,7 +44,8 @@ class OracleGuide:
         """
         words = canonical(tokenizer)
         check_domain(words, tasks.domain)
-        self.legends, self.tasks, self.words, self.layout = legends, tasks, words.words, words.codec.layout
+        self.legends, self.tasks, self.layout = legends, tasks, words.codec.layout
+        self.words: Sequence[str] = words.words
         self.step, self.state, self.end = words.ids["<ACTION>"], words.ids["<STATE>"], words.end_id
         self.first_slot = words.codec.first_slot
         self.decoder = _native.MaskedDecoder(words.codec, words.words)

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from strips_lm.guide import OracleGuide
-from strips_lm.tokenizer import SpelledTokenizer
+from strips_lm.tokenizer import SpelledTokenizer, TypedTokenizer
+from strips_lm.typed_guide import TypedGuide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +34,8 @@ def oracle_guide(tokenizer: PlanTokenizer, legends: Sequence[Any], tasks: Tasks)
     """
     if isinstance(tokenizer, SpelledTokenizer):
         return SpelledGuide(tokenizer, legends, tasks)
+    if isinstance(tokenizer, TypedTokenizer):
+        return TypedGuide(tokenizer, legends, tasks)
     return OracleGuide(tokenizer, legends, tasks)
 
 

@@ -128,21 +128,24 @@ class DataConfig:
 class TokenizerConfig:
     """How text becomes tokens."""
 
-    kind: Literal["canonical", "spelled", "bpe"] = "canonical"
-    """`canonical`: the lossless rewriting and a small vocabulary of words; `spelled`: the same with every object's name
-    in pieces of a byte-level BPE over names; `bpe`: byte-level BPE over the text."""
+    kind: Literal["canonical", "typed", "spelled", "bpe"] = "canonical"
+    """`canonical`: the lossless rewriting and a small vocabulary of words; `typed`: the same with slots that say their
+    object's type; `spelled`: with every object's name in pieces of a byte-level BPE over names; `bpe`: byte-level BPE
+    over the text."""
     source: str = ""
     """`bpe`: a pre-trained tokenizer's name or folder (`gpt2`); empty trains one on the corpus."""
     vocab_size: int = 1024
     """`bpe` trained on the corpus, `spelled`: the vocabulary, our special tokens among them."""
     layout: Literal["difference", "report"] = "difference"
-    """`canonical`: goal and states as differences, or spelled out as in the report (slots alone)."""
+    """`canonical`, `typed`: goal and states as differences, or spelled out as in the report (slots alone)."""
     max_slots: int = 32
-    """`canonical`: slots for objects; a problem with more of them cannot be tokenized."""
+    """`canonical`, `typed`: slots for objects; a problem with more of them cannot be tokenized."""
+    type_slots: int = 24
+    """`typed`: slots for objects of one type; a problem with more of them cannot be tokenized."""
 
     def __post_init__(self) -> None:
         check(self.vocab_size >= 300, "`tokenizer.vocab_size` must be at least 300: 256 bytes and the special tokens")
-        check(self.max_slots > 0, "`tokenizer.max_slots` must be positive")
+        check(min(self.max_slots, self.type_slots) > 0, "`tokenizer.max_slots` and `type_slots` must be positive")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

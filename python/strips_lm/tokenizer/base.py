@@ -44,8 +44,8 @@ class PlanTokenizer(Protocol):
     """Between texts of the record format and token ids; `legends` hold what the ids alone do not say."""
 
     hf: PreTrainedTokenizerFast
-    slots: tuple[int, int]
-    """(first, count) of the ids that stand for objects and may be renumbered; count 0 where there are none."""
+    slots: tuple[tuple[int, int], ...]
+    """(first, count) of each block of ids that stand for objects and may be renumbered within it; none in some."""
 
     @property
     def vocab_size(self) -> int:
@@ -61,7 +61,7 @@ class PlanTokenizer(Protocol):
 
     @property
     def slotted(self) -> PlanTokenizer:
-        """Itself, or where it spells names the tokenizer with slots for them, in which `spelling` draws others."""
+        """Itself, or the tokenizer with plain slots that it is made from: `spelling` draws names for these."""
 
     def spelling(self, most: int) -> Spelling | None:
         """How names are drawn for slots, in records of at most `most` tokens; None where slots, if any, are tokens."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class BpeTokenizer:
     """A `PlanTokenizer` over a byte-level BPE; it needs no legends, its ids say everything."""
 
-    slots = (0, 0)
+    slots: tuple[tuple[int, int], ...] = ()
 
     def __init__(self, hf: PreTrainedTokenizerFast) -> None:
         """Add our special tokens to a byte-level BPE that has GPT-2's `<|endoftext|>`."""

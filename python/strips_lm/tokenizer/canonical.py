@@ -48,7 +48,7 @@ class CanonicalTokenizer:
         self.codec, self.max_slots = codec, max_slots
         self.words = codec.vocabulary(max_slots)
         self.ids = {word: index for index, word in enumerate(self.words)}
-        self.slots = (codec.first_slot, max_slots)
+        self.slots: tuple[tuple[int, int], ...] = ((codec.first_slot, max_slots),)
         self.hf = word_level(self.ids)
         self.domains = _domains(codec)
         self.domain = 0 if len(self.domains) == 1 else None

@@ -44,7 +44,7 @@ MOST_KNOWN = 1 << 16
 class SpelledTokenizer:
     """A `PlanTokenizer` over canonical words and the pieces of names."""
 
-    slots = (0, 0)
+    slots: tuple[tuple[int, int], ...] = ()
 
     def __init__(self, words: CanonicalTokenizer, pieces: Tokenizer) -> None:
         """Give each word but the slots its canonical id, and each piece one of the next."""

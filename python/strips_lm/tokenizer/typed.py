@@ -1,0 +1,217 @@
+"""Canonical words whose slots say what type an object has: `tool#0`, `vessel#1` in place of `o3`, `o5`.
+
+Whether an action may take an object depends on the object's type first of all. In plain canonical words the type stands
+once, in `<OBJECTS>`, and a model has to look it up at every mention; here every mention says it. Objects are numbered
+within their type in the order of `<OBJECTS>`, which then lists the slots alone. Objects that no `<OBJECTS>` gives a
+type keep the plain slots, so that texts without one have the same tokens as in plain canonical words.
+
+All else is the canonical tokenizer's: this one exchanges words for words, by a table that each prompt gives.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+
+from strips_lm.tokenizer.base import SPECIAL, TokenizerError, read_settings, write_settings
+from strips_lm.tokenizer.canonical import CODEC, CanonicalTokenizer, word_level
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from strips_lm._native import Domain, Legend
+    from strips_lm.tokenizer.base import Ids
+
+
+@dataclass(frozen=True, slots=True)
+class TypedLegend:
+    """A text's legend in plain canonical words, and which token stands for which of these."""
+
+    plain: Legend
+    tokens: NDArray[np.int32]
+    """The token of each canonical word, slots included."""
+    words: NDArray[np.int32]
+    """The canonical word of each token; a slot that is no object's is a word beyond all slots."""
+
+    @property
+    def names(self) -> list[str]:
+        """The object of each plain slot."""
+        return self.plain.names
+
+
+class TypedTokenizer:
+    """A `PlanTokenizer` over canonical words with slots by type."""
+
+    def __init__(self, plain: CanonicalTokenizer, type_slots: int) -> None:
+        """Give each canonical word, plain slots included, its id, and `type_slots` slots of each type the next ones."""
+        self.slotted, self.type_slots = plain, type_slots
+        self.first_slot, self.first_typed = plain.codec.first_slot, plain.vocab_size
+        kinds = _type_words(plain)
+        self.words = [
+            *plain.words,
+            *(f"{plain.words[kind]}#{number}" for kind in kinds for number in range(type_slots)),
+        ]
+        self.hf = word_level({word: index for index, word in enumerate(self.words)})
+        self.blocks = {kind: self.first_typed + block * type_slots for block, kind in enumerate(kinds)}
+        """The first slot of each type, by the type's word."""
+        self.kinds = np.repeat(np.array(kinds, dtype=np.int32), type_slots)
+        """The type's word of each slot by type."""
+        self.slots = (*plain.slots, *((first, type_slots) for first in self.blocks.values()))
+        self.objects = plain.ids["<OBJECTS>"]
+
+    @classmethod
+    def of_data(
+        cls, data: Path, max_slots: int, layout: Literal["difference", "report"], type_slots: int
+    ) -> TypedTokenizer:
+        """The tokenizer of the domain and lexicon of a data set, or of each of a mixture."""
+        return cls(CanonicalTokenizer.of_data(data, max_slots, layout), type_slots)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> TypedTokenizer:
+        """The tokenizer that `save_pretrained` wrote."""
+        return cls(CanonicalTokenizer.load(folder), int(read_settings(folder)["type_slots"]))
+
+    def save_pretrained(self, folder: str | Path) -> None:
+        """Writes transformers' files, the codec and our settings."""
+        self.hf.save_pretrained(folder)
+        (Path(folder) / CODEC).write_text(self.slotted.codec.to_json(), encoding="utf-8")
+        sizes = {"max_slots": self.slotted.max_slots, "type_slots": self.type_slots}
+        write_settings(folder, {"kind": "typed", **sizes})
+
+    @property
+    def vocab_size(self) -> int:
+        """Ids run from 0 to this, exclusive."""
+        return len(self.words)
+
+    @property
+    def start_id(self) -> int:
+        """The token that begins a record."""
+        return self.slotted.start_id
+
+    @property
+    def end_id(self) -> int:
+        """The token that ends a record, and pads."""
+        return self.slotted.end_id
+
+    def of_domain(self, domain: Domain) -> Self:
+        """The same tokens for texts of one of the domains.
+
+        Raises:
+            TokenizerError: the domain is none of them, or has a predicate or an action that the tokenizer lacks.
+        """
+        one = copy.copy(self)
+        one.slotted = self.slotted.of_domain(domain)
+        return one
+
+    def spelling(self, most: int) -> None:
+        """None: no names are drawn."""
+        del most
+
+    def encode_prompts(self, prompts: Sequence[str]) -> tuple[list[Ids], list[Any]]:
+        """Token ids and the legend of each prompt."""
+        rows, legends = self.slotted.encode_prompts(prompts)
+        typed = [self._legend(row, legend) for row, legend in zip(rows, legends, strict=True)]
+        return [self._prompt(row, legend) for row, legend in zip(rows, typed, strict=True)], typed
+
+    def encode_records(
+        self, prompts: Sequence[str], completions: Sequence[str], words: Sequence[Sequence[str]] | None = None
+    ) -> tuple[list[Ids], list[Ids], list[Any]]:
+        """Prompt ids, completion ids and legends; a prompt's tokens do not depend on what follows it."""
+        first, rest, legends = self.slotted.encode_records(prompts, completions, words)
+        typed = [self._legend(row, legend) for row, legend in zip(first, legends, strict=True)]
+        asked = [self._prompt(row, legend) for row, legend in zip(first, typed, strict=True)]
+        return asked, [legend.tokens[row] for row, legend in zip(rest, typed, strict=True)], typed
+
+    def decode(self, ids: Sequence[Sequence[int]], legends: Sequence[Any]) -> list[str]:
+        """The texts of token sequences, as far as they make sense."""
+        plain = [self._plain(row, legend) for row, legend in zip(ids, legends, strict=True)]
+        return self.slotted.decode(plain, [legend.plain for legend in legends])
+
+    def decode_completions(
+        self, prompts: Sequence[Sequence[int]], completions: Sequence[Sequence[int]], legends: Sequence[Any]
+    ) -> list[str]:
+        """The completions' texts without the space that parts them from their prompts."""
+        asked = [self._plain(row, legend) for row, legend in zip(prompts, legends, strict=True)]
+        said = [legend.words[list(row)].tolist() for row, legend in zip(completions, legends, strict=True)]
+        return self.slotted.decode_completions(asked, said, [legend.plain for legend in legends])
+
+    def say(self, token: int, legend: TypedLegend) -> str:
+        """A token as people read it: a slot by its object's name, where it has one."""
+        slot = int(legend.words[token]) - self.first_slot
+        return legend.names[slot] if 0 <= slot < len(legend.names) else self.words[token]
+
+    def _legend(self, prompt: Ids, plain: Legend) -> TypedLegend:
+        """The legend of a text whose prompt has these canonical words.
+
+        Raises:
+            TokenizerError: there are more objects of a type than slots.
+        """
+        tokens = np.arange(self.first_typed, dtype=np.int32)
+        words = np.arange(self.vocab_size, dtype=np.int32)
+        counts: dict[int, int] = {}
+        for slot, kind in self._listed(prompt):
+            first = self.blocks.get(kind)
+            if first is None:
+                continue
+            number = counts[kind] = counts.get(kind, -1) + 1
+            if number >= self.type_slots:
+                raise TokenizerError(self._too_many(kind))
+            # The plain slot is no object's now.
+            tokens[slot], words[slot] = first + number, slot + self.slotted.max_slots
+            words[first + number] = slot
+        return TypedLegend(plain, tokens, words)
+
+    def _too_many(self, kind: int) -> str:
+        few = f"more objects of type `{self.words[kind]}` than the tokenizer's {self.type_slots} slots of a type"
+        return f"{few}\nhint: train with a larger `tokenizer.type_slots`"
+
+    def _listed(self, prompt: Ids) -> list[tuple[int, int]]:
+        """The slots that `<OBJECTS>` lists in canonical words, each with the word after it, its type's."""
+        row = self._object_words(prompt)
+        return [(word, row[at + 1]) for at, word in enumerate(row[:-1]) if word >= self.first_slot > row[at + 1]]
+
+    def _object_words(self, row: Sequence[int] | Ids) -> list[int]:
+        """What stands between `<OBJECTS>`, with which a prompt goes on after its first token, and the next marker."""
+        if len(row) < 2 or int(row[1]) != self.objects:
+            return []
+        words = [int(word) for word in row[2:]]
+        end = next((at for at, word in enumerate(words) if word <= len(SPECIAL)), len(words))
+        return words[:end]
+
+    def _prompt(self, row: Ids, legend: TypedLegend) -> Ids:
+        """A prompt's tokens: a slot by type does without the word for the type."""
+        length = len(self._object_words(row))
+        said = legend.tokens[row]
+        if not length:
+            return said
+        kept = np.ones(len(row), dtype=np.bool_)
+        kept[3 : 2 + length] = said[2 : 1 + length] < self.first_typed
+        return said[kept]
+
+    def _plain(self, row: Sequence[int], legend: TypedLegend) -> list[int]:
+        """The canonical words of a row that begins with a prompt."""
+        tokens = [int(token) for token in row]
+        length = len(self._object_words(tokens))
+        listed: list[int] = []
+        for token in tokens[2 : 2 + length]:
+            listed.append(int(legend.words[token]))
+            if token >= self.first_typed:
+                listed.append(int(self.kinds[token - self.first_typed]))
+        rest = legend.words[tokens[2 + length :]].tolist() if len(tokens) > 2 + length else []
+        return [*tokens[:2], *listed, *rest]
+
+
+def _type_words(plain: CanonicalTokenizer) -> list[int]:
+    """The words of all types of the tokenizer's domains, each once."""
+    names = [name for domain in json.loads(plain.codec.to_json())["domains"] for name in domain["types"]]
+    # The codec tells a type called like a slot from it by an apostrophe.
+    words = [f"{name}'" if re.fullmatch(r"o\d+", name) else name for name in names]
+    return list(dict.fromkeys(plain.ids[word] for word in words))
