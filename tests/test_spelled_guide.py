@@ -32,11 +32,12 @@ def questions() -> Questions:
     return Questions(MANIPULATION / "domain.pddl", [PROBLEM])
 
 
-@pytest.fixture(scope="module", params=[["te"], ["te", "tea"], ["tea", "teapot"], []])
+@pytest.fixture(scope="module", params=[(["te"], True), (["te", "tea"], False), (["tea", "teapot"], True), ([], False)])
 def tokenizer(request: Any) -> SpelledTokenizer:
+    names, kinds = request.param
     domain = _native.Domain.parse((MANIPULATION / "domain.pddl").read_bytes())
-    words = CanonicalTokenizer(_native.CanonicalCodec(domain), 64)
-    return SpelledTokenizer(words, learn_pieces([*request.param * 50, "table"], 256 + 4 * len(request.param)))
+    words = CanonicalTokenizer(_native.CanonicalCodec.of_domains([(domain, None)], kinds=kinds), 64)
+    return SpelledTokenizer(words, learn_pieces([*names * 50, "table"], 256 + 4 * len(names)))
 
 
 def prompted(tokenizer: SpelledTokenizer, questions: Questions) -> tuple[SpelledGuide, list[int], list[Any]]:

@@ -23,9 +23,9 @@ from test_tokenizer_canonical import (
 KNOWN = ["lantern", "torch", "torch_2", "attic", "cellar", "kitchen", "light", "lamp", "room"] * 3
 
 
-@pytest.fixture(scope="module")
-def tokenizer():
-    codec = _native.CanonicalCodec(_native.Domain.parse(DOMAIN))
+@pytest.fixture(scope="module", params=[False, True], ids=["", "types"])
+def tokenizer(request):
+    codec = _native.CanonicalCodec.of_domains([(_native.Domain.parse(DOMAIN), None)], kinds=request.param)
     return SpelledTokenizer(CanonicalTokenizer(codec, 64), learn_pieces(KNOWN, 300))
 
 
@@ -65,6 +65,15 @@ def test_a_name_that_no_object_has_is_decoded_as_it_was_written(tokenizer):
     again = [words["<ACTION>"], words["carry"], *said]
     assert tokenizer.decode_completions([prompt], [again], legends) == ["<ACTION> carry(zz, attic, y)"]
     assert tokenizer.say(again, legends[0]) == "<ACTION> carry zz attic y"
+
+
+def test_a_type_stands_before_each_mention_where_that_is_asked_for(tokenizer):
+    _, (row, _), (legend, _) = tokenizer.encode_records(PROMPTS, COMPLETIONS)
+    said = tokenizer.hf.convert_ids_to_tokens(row.tolist())
+    kind = ["lamp"] if tokenizer.slotted.kinds else []
+    name = tokenizer.hf.convert_ids_to_tokens(tokenizer.spell("torch"))
+    assert said == ["<ACTION>", "light", *kind, *name, "<STATE>", "+lit", *kind, *name, "<|endoftext|>"]
+    assert tokenizer.say(row.tolist()[:-1], legend) == "<ACTION> light torch <STATE> +lit torch"
 
 
 def test_any_tokens_are_decoded(tokenizer):

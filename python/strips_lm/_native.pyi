@@ -475,9 +475,15 @@ class CanonicalCodec:
         """
     @staticmethod
     def of_domains(
-        domains: Sequence[tuple[Domain, str | None]], *, layout: Literal["difference", "report"] = "difference"
+        domains: Sequence[tuple[Domain, str | None]],
+        *,
+        layout: Literal["difference", "report"] = "difference",
+        kinds: bool = False,
     ) -> CanonicalCodec:
-        """The codec of several domains, each with its lexicon, in the order that `domains` of `encode` counts."""
+        """The codec of several domains, each with its lexicon, in the order that `domains` of `encode` counts.
+
+        With `kinds` an object's type stands before each mention of it.
+        """
     @staticmethod
     def from_json(text: str) -> CanonicalCodec:
         """The codec that `to_json` wrote.
@@ -490,6 +496,9 @@ class CanonicalCodec:
     @property
     def layout(self) -> Literal["difference", "report"]:
         """How much the rewriting takes out."""
+    @property
+    def kinds(self) -> bool:
+        """Whether an object's type stands before each mention of it."""
     def vocabulary(self, max_slots: int = 0) -> list[str]:
         """All words in the order of their ids, the slots `o0`, … last."""
     @property

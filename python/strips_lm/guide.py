@@ -47,7 +47,7 @@ class OracleGuide:
         self.legends, self.tasks, self.layout = legends, tasks, words.codec.layout
         self.words: Sequence[str] = words.words
         self.step, self.state, self.end = words.ids["<ACTION>"], words.ids["<STATE>"], words.end_id
-        self.first_slot = words.codec.first_slot
+        self.first_slot, self.kinds = words.codec.first_slot, words.kinds
         self.decoder = _native.MaskedDecoder(words.codec, words.words)
 
     def add(self, prompts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
@@ -110,7 +110,7 @@ class OracleGuide:
                 states.append([])
             elif inside and token >= self.first_slot:
                 states[-1][-1].append(token)
-            elif inside and token not in (self.step, self.end):
+            elif inside and token not in (self.step, self.end) and token not in self.kinds:
                 states[-1].append([token])
             inside = token == self.state or (inside and token not in (self.step, self.end))
         return states

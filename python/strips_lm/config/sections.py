@@ -132,6 +132,8 @@ class TokenizerConfig:
     """`canonical`: the lossless rewriting and a small vocabulary of words; `typed`: the same with slots that say their
     object's type; `spelled`: with every object's name in pieces of a byte-level BPE over names; `bpe`: byte-level BPE
     over the text."""
+    spelled_types: bool = True
+    """`spelled`: whether an object's type stands before each mention of its name."""
     source: str = ""
     """`bpe`: a pre-trained tokenizer's name or folder (`gpt2`); empty trains one on the corpus."""
     vocab_size: int = 1024

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -50,14 +51,28 @@ class CanonicalTokenizer:
         self.ids = {word: index for index, word in enumerate(self.words)}
         self.slots: tuple[tuple[int, int], ...] = ((codec.first_slot, max_slots),)
         self.hf = word_level(self.ids)
+        self.kinds = frozenset(self.type_words() if codec.kinds else ())
+        """The words that may stand before a mention of an object."""
         self.domains = _domains(codec)
         self.domain = 0 if len(self.domains) == 1 else None
 
     @classmethod
-    def of_data(cls, data: Path, max_slots: int, layout: Literal["difference", "report"]) -> CanonicalTokenizer:
-        """The tokenizer of the domain and lexicon of a data set, or of each of a mixture."""
+    def of_data(
+        cls, data: Path, max_slots: int, layout: Literal["difference", "report"], *, kinds: bool = False
+    ) -> CanonicalTokenizer:
+        """The tokenizer of the domain and lexicon of a data set, or of each of a mixture.
+
+        With `kinds` an object's type stands before each mention of it.
+        """
         sources = [_read(folder) for folder in data_sets(data)]
-        return cls(_native.CanonicalCodec.of_domains(sources, layout=layout), max_slots)
+        return cls(_native.CanonicalCodec.of_domains(sources, layout=layout, kinds=kinds), max_slots)
+
+    def type_words(self) -> list[int]:
+        """The words of all types of its domains, each once."""
+        names = [name for domain in json.loads(self.codec.to_json())["domains"] for name in domain["types"]]
+        # The codec tells a type called like a slot from it by an apostrophe.
+        words = [f"{name}'" if re.fullmatch(r"o\d+", name) else name for name in names]
+        return list(dict.fromkeys(self.ids[word] for word in words))
 
     def of_domain(self, domain: _native.Domain) -> Self:
         """The same tokens for texts of one of the domains.

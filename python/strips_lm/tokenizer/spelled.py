@@ -2,7 +2,8 @@
 
 A canonical text has a slot for each object, so that no name reaches the model and unseen ones are no news to it. Here
 the pieces of the object's name stand where its slot stood, from a byte-level BPE that is learnt from names alone. All
-else is as in canonical words: goal and states as differences, actions and predicates by their names in the domain.
+else is as in canonical words: goal and states as differences, actions and predicates by their names in the domain, and,
+where that is asked for, an object's type before each mention of it.
 
 A name's first piece begins with a space, as in GPT-2, so that two names in a row are told apart. Whatever a model
 writes as a name is a name of the decoded text, whether or not there is such an object.
@@ -57,13 +58,13 @@ class SpelledTokenizer:
         self.known: dict[str, list[int]] = {}
 
     @classmethod
-    def of_data(cls, data: Path, texts: Iterable[str], vocab_size: int) -> SpelledTokenizer:
+    def of_data(cls, data: Path, texts: Iterable[str], vocab_size: int, *, kinds: bool = False) -> SpelledTokenizer:
         """The tokenizer of a data set's domain, with pieces learnt from the names in some of its texts.
 
         Raises:
             TokenizerError: it is a mixture of several domains' data sets.
         """
-        words = CanonicalTokenizer.of_data(data, MOST_SLOTS, "difference")
+        words = CanonicalTokenizer.of_data(data, MOST_SLOTS, "difference", kinds=kinds)
         if words.domain is None:
             raise TokenizerError("names are spelled in one domain's texts alone\nhint: `tokenizer.kind=canonical`")
         _, legends = words.encode_prompts(list(texts))
@@ -146,7 +147,9 @@ class SpelledTokenizer:
         read = reader.read(ids)
         names = {slot: name for name, slot in reader.slots.items()}
         first = self.first_piece
-        return " ".join(names[word - first] if word >= first else self.words[word] for word in read)
+        pairs = zip(read, [*read[1:], 0], strict=True)
+        said = [word for word, after in pairs if word not in self.slotted.kinds or after < first]
+        return " ".join(names[word - first] if word >= first else self.words[word] for word in said)
 
     def spell(self, name: str) -> list[int]:
         """The ids of a name's pieces."""

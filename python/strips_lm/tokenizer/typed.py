@@ -11,8 +11,6 @@ All else is the canonical tokenizer's: this one exchanges words for words, by a 
 from __future__ import annotations
 
 import copy
-import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -54,7 +52,7 @@ class TypedTokenizer:
         """Give each canonical word, plain slots included, its id, and `type_slots` slots of each type the next ones."""
         self.slotted, self.type_slots = plain, type_slots
         self.first_slot, self.first_typed = plain.codec.first_slot, plain.vocab_size
-        kinds = _type_words(plain)
+        kinds = plain.type_words()
         self.words = [
             *plain.words,
             *(f"{plain.words[kind]}#{number}" for kind in kinds for number in range(type_slots)),
@@ -207,11 +205,3 @@ class TypedTokenizer:
                 listed.append(int(self.kinds[token - self.first_typed]))
         rest = legend.words[tokens[2 + length :]].tolist() if len(tokens) > 2 + length else []
         return [*tokens[:2], *listed, *rest]
-
-
-def _type_words(plain: CanonicalTokenizer) -> list[int]:
-    """The words of all types of the tokenizer's domains, each once."""
-    names = [name for domain in json.loads(plain.codec.to_json())["domains"] for name in domain["types"]]
-    # The codec tells a type called like a slot from it by an apostrophe.
-    words = [f"{name}'" if re.fullmatch(r"o\d+", name) else name for name in names]
-    return list(dict.fromkeys(plain.ids[word] for word in words))

@@ -127,17 +127,19 @@ impl CanonicalCodec {
         Self::made(Codec::with_lexicon(&domain.ast, lexicon.unwrap_or(""), layout_of(layout)?))
     }
 
-    /// The codec of several domains, each with its lexicon, in the order that `domains` of `encode` counts.
+    /// The codec of several domains, each with its lexicon, in the order that `domains` of `encode` counts; with `kinds` an
+    /// object's type stands before each mention of it.
     #[staticmethod]
-    #[pyo3(signature = (domains, *, layout = "difference"))]
-    fn of_domains(domains: Vec<(PyRef<'_, Domain>, Option<String>)>, layout: &str) -> PyResult<Self> {
+    #[pyo3(signature = (domains, *, layout = "difference", kinds = false))]
+    fn of_domains(domains: Vec<(PyRef<'_, Domain>, Option<String>)>, layout: &str, kinds: bool) -> PyResult<Self> {
         let layout = layout_of(layout)?;
         let one = |(domain, lexicon): &(PyRef<'_, Domain>, Option<String>)| {
             let codec = Codec::with_lexicon(&domain.ast, lexicon.as_deref().unwrap_or(""), layout);
             codec.map(|codec| codec.signatures()[0].clone())
         };
         let signatures: Result<Vec<_>, _> = domains.iter().map(one).collect();
-        Self::made(signatures.map(|signatures| Codec::from_signatures(signatures, layout)))
+        let made = signatures.map(|signatures| Codec::from_signatures(signatures, layout));
+        Self::made(made.map(|codec| if kinds { codec.saying_kinds() } else { codec }))
     }
 
     /// The codec that `to_json` wrote.
@@ -158,6 +160,12 @@ impl CanonicalCodec {
             Layout::Difference => "difference",
             Layout::Report => "report",
         }
+    }
+
+    /// Whether an object's type stands before each mention of it.
+    #[getter]
+    fn kinds(&self) -> bool {
+        self.core.says_kinds()
     }
 
     /// All words in the order of their ids, the slots `o0`, … last.

@@ -31,10 +31,12 @@ pub struct SpokenTask {
     generator: Arc<SuccessorGenerator>,
     codec: Arc<Codec>,
     domain: usize,
-    /// By operator: its action's word and its arguments' slots; empty where it cannot be said.
+    /// By operator: its action's word and its arguments' slots, each perhaps after its type; empty where it cannot be said.
     operators: Vec<Vec<Word>>,
     /// By object.
     slots: Vec<Option<u16>>,
+    /// By slot, as in the legend.
+    kinds: Vec<Word>,
     /// By fact; `None` for derived facts and what cannot be said.
     facts: Vec<Option<Packed>>,
     stop_at_goal: bool,
@@ -87,9 +89,18 @@ impl SpokenTask {
         let slot = |object: usize| legend.names.iter().position(|known| known == name(object));
         let objects = 0..task.problem.objects.len();
         let slots = objects.map(|object| slot(object).and_then(|slot| u16::try_from(slot).ok())).collect();
-        let domain = legend.domain;
-        let mut spoken =
-            Self { operators: Vec::new(), slots, facts: Vec::new(), task, generator, codec, domain, stop_at_goal };
+        let (domain, kinds) = (legend.domain, legend.kinds.clone());
+        let mut spoken = Self {
+            operators: Vec::new(),
+            slots,
+            kinds,
+            facts: Vec::new(),
+            task,
+            generator,
+            codec,
+            domain,
+            stop_at_goal,
+        };
         spoken.operators = (0..spoken.task.operators.len()).map(|number| spoken.say_operator(number)).collect();
         spoken.facts = spoken.task.facts.iter().map(|fact| spoken.pack(fact)).collect();
         spoken
@@ -102,10 +113,18 @@ impl SpokenTask {
 
     fn say_operator(&self, number: usize) -> Vec<Word> {
         let operator = &self.task.operators[number];
-        let first = self.codec.vocabulary().first_slot();
-        let action = self.codec.tables(self.domain).1.action_words[operator.action.index()];
-        let slots = operator.args.iter().map(|arg| self.slots[arg.index()].map(|slot| first + Word::from(slot)));
-        std::iter::once(Some(action)).chain(slots).collect::<Option<_>>().unwrap_or_default()
+        let mut words = vec![self.codec.tables(self.domain).1.action_words[operator.action.index()]];
+        for arg in operator.args.iter() {
+            let Some(slot) = self.slots[arg.index()] else { return Vec::new() };
+            self.mention(slot, &mut words);
+        }
+        words
+    }
+
+    /// Appends an object's slot, after its type where that is said.
+    fn mention(&self, slot: u16, words: &mut Vec<Word>) {
+        words.extend(self.kinds.get(usize::from(slot)).copied().filter(|&kind| kind != 0));
+        words.push(self.codec.vocabulary().first_slot() + Word::from(slot));
     }
 
     fn pack(&self, fact: &Fact) -> Option<Packed> {
@@ -162,10 +181,9 @@ impl SpokenTask {
 
     fn say(&self, sign: Sign, atom: Packed, words: &mut Vec<Word>) {
         let (signature, tables) = self.codec.tables(self.domain);
-        let first = self.codec.vocabulary().first_slot();
         words.push(tables.predicate_word(sign, atom.predicate()));
         let arity = signature.predicates[usize::from(atom.predicate())].arity;
-        words.extend((0..arity).map(|position| first + Word::from(atom.arg(position))));
+        (0..arity).for_each(|position| self.mention(atom.arg(position), words));
     }
 }
 

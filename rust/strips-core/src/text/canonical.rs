@@ -20,6 +20,9 @@
 //! Sign and predicate are one word rather than two: sequences are a fifth shorter, and with few predicates a model
 //! learns each sign's word at once. The words of a prompt do not depend on the completion after it, and never on names.
 //!
+//! With [`Codec::saying_kinds`] each mention of an object is its type and its slot, `pick vessel o1`, as far as `<OBJECTS>`
+//! gives a type: whether an action may take it need not be looked up.
+//!
 //! [`Layout::Report`] replaces names by slots and words by action names, and spells out goal, initial state and each
 //! state in full, in the report's order: the rewriting's parts can be measured apart.
 //!
@@ -78,6 +81,7 @@ pub enum Layout {
 #[derive(Clone, Debug)]
 pub struct Codec {
     layout: Layout,
+    kinds: bool,
     signatures: Vec<Signature>,
     vocabulary: Vocabulary,
     tables: Vec<Tables>,
@@ -88,6 +92,8 @@ pub struct Codec {
 struct Saved {
     version: u32,
     layout: Layout,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    kinds: bool,
     domains: Vec<Signature>,
 }
 
@@ -139,12 +145,24 @@ impl Codec {
     pub fn from_signatures(signatures: Vec<Signature>, layout: Layout) -> Self {
         let vocabulary = Vocabulary::of(&signatures, layout);
         let tables = signatures.iter().map(|signature| Tables::of(signature, &vocabulary)).collect();
-        Self { layout, signatures, vocabulary, tables }
+        Self { layout, kinds: false, signatures, vocabulary, tables }
+    }
+
+    /// The same, with an object's type before each mention of it.
+    #[must_use]
+    pub fn saying_kinds(self) -> Self {
+        Self { kinds: true, ..self }
+    }
+
+    /// Whether it says an object's type before each mention of it.
+    pub fn says_kinds(&self) -> bool {
+        self.kinds
     }
 
     /// Everything the codec knows, as JSON; a saved model carries it.
     pub fn to_json(&self) -> String {
-        let saved = Saved { version: VERSION, layout: self.layout, domains: self.signatures.clone() };
+        let (layout, kinds) = (self.layout, self.kinds);
+        let saved = Saved { version: VERSION, layout, kinds, domains: self.signatures.clone() };
         serde_json::to_string(&saved).expect("strings and numbers are always JSON")
     }
 
@@ -157,7 +175,7 @@ impl Codec {
         if saved.version != VERSION {
             return Err(CodecError::Version(saved.version));
         }
-        Ok(Self::from_signatures(saved.domains, saved.layout))
+        Ok(Self { kinds: saved.kinds, ..Self::from_signatures(saved.domains, saved.layout) })
     }
 
     /// The layout it writes.

@@ -52,11 +52,16 @@ struct Scene {
 
 impl Scene {
     fn new(layout: Layout, stop_at_goal: bool) -> Self {
-        Self::of(lamps(), layout, stop_at_goal)
+        Self::of(lamps(), |codec| codec, layout, stop_at_goal)
     }
 
-    fn of(task: Arc<Task>, layout: Layout, stop_at_goal: bool) -> Self {
-        let codec = Arc::new(Codec::new(&[(&task.domain, Synonyms::default())], layout));
+    /// With each object's type before each mention of it.
+    fn saying_kinds(layout: Layout, stop_at_goal: bool) -> Self {
+        Self::of(lamps(), Codec::saying_kinds, layout, stop_at_goal)
+    }
+
+    fn of(task: Arc<Task>, kind: fn(Codec) -> Codec, layout: Layout, stop_at_goal: bool) -> Self {
+        let codec = Arc::new(kind(Codec::new(&[(&task.domain, Synonyms::default())], layout)));
         let names: Vec<String> = ["hall", "loft", "ruby", "azure"].map(str::to_owned).to_vec();
         let mut scene = Self {
             spoken: Arc::new(SpokenTask::new(
@@ -149,12 +154,13 @@ fn is_simple(scene: &Scene, plan: &[OperatorId]) -> bool {
 fn every_plan_that_visits_no_state_twice_is_allowed_and_no_other() {
     for layout in [Layout::Difference, Layout::Report] {
         for (semantics, stop_at_goal) in [(Semantics::Any, false), (Semantics::FirstGoal, true)] {
-            let scene = Scene::new(layout, stop_at_goal);
-            let plans = PlanSet::new(scene.task.clone(), 7, semantics, &Limits::default()).unwrap();
-            let verdicts: Vec<_> =
-                plans.iter().map(|plan| (is_simple(&scene, &plan.0), allows(&scene, &scene.words(&plan.0)))).collect();
-            assert!(verdicts.iter().all(|(simple, allowed)| simple == allowed));
-            assert!(verdicts.iter().any(|verdict| verdict.0) && verdicts.iter().any(|verdict| !verdict.0));
+            for scene in [Scene::new(layout, stop_at_goal), Scene::saying_kinds(layout, stop_at_goal)] {
+                let plans = PlanSet::new(scene.task.clone(), 7, semantics, &Limits::default()).unwrap();
+                let verdict = |plan: &[OperatorId]| (is_simple(&scene, plan), allows(&scene, &scene.words(plan)));
+                let verdicts: Vec<_> = plans.iter().map(|plan| verdict(&plan.0)).collect();
+                assert!(verdicts.iter().all(|(simple, allowed)| simple == allowed));
+                assert!(verdicts.iter().any(|verdict| verdict.0) && verdicts.iter().any(|verdict| !verdict.0));
+            }
         }
     }
 }
@@ -222,7 +228,7 @@ fn a_walk_that_backtracks_where_it_is_stuck_comes_to_the_goal() {
 #[test]
 fn without_a_plan_a_walk_that_backtracks_comes_to_every_state() {
     let problem = PROBLEM.replace("(lit blue) (not (lit red))", "(hangs red hall)");
-    let scene = Scene::of(lamps_of(&problem), Layout::Difference, true);
+    let scene = Scene::of(lamps_of(&problem), Codec::saying_kinds, Layout::Difference, true);
     let reachable = StateSpace::explore(&scene.task, Reach::default(), &Limits::default()).unwrap().len();
     let mut random = Random::new(3, 0);
     for _ in 0..30 {

@@ -201,7 +201,12 @@ impl<'a> Decoder<'a> {
     fn action(&mut self, words: &[Word]) -> Option<()> {
         let (&word, args) = words.split_first()?;
         let action = self.tables.action(word)?;
-        let slots: Vec<u16> = args.iter().map(|&arg| self.codec.vocabulary().slot(arg)).collect::<Option<_>>()?;
+        let (mut slots, mut args) = (Vec::new(), args);
+        while !args.is_empty() {
+            let (slot, rest) = self.mention(args)?;
+            slots.push(slot);
+            args = rest;
+        }
         self.out.push(' ');
         let word = self.legend.words.get(action).unwrap_or(&self.signature.actions[action].0);
         self.out.push_str(word);
@@ -255,12 +260,24 @@ impl<'a> Decoder<'a> {
         let (&first, rest) = words.split_first()?;
         let (sign, predicate) = self.tables.signed_predicate(first)?;
         let arity = self.signature.predicates[usize::from(predicate)].arity;
-        let (args, rest) = rest.split_at_checked(arity)?;
-        let mut atom = Packed::new(predicate);
-        for (position, &arg) in args.iter().enumerate() {
-            atom = atom.with_arg(position, self.codec.vocabulary().slot(arg)?);
+        let (mut atom, mut rest) = (Packed::new(predicate), rest);
+        for position in 0..arity {
+            let (slot, after) = self.mention(rest)?;
+            atom = atom.with_arg(position, slot);
+            rest = after;
         }
         Some((sign, atom, rest))
+    }
+
+    /// The slot that the words begin with, perhaps after its type, and the words after it. Whether the type is the
+    /// object's own is not asked: the text does not say it.
+    fn mention<'w>(&self, words: &'w [Word]) -> Option<(u16, &'w [Word])> {
+        let (&first, rest) = words.split_first()?;
+        if self.codec.says_kinds() && self.tables.is_kind(first) {
+            let (&second, rest) = rest.split_first()?;
+            return Some((self.codec.vocabulary().slot(second)?, rest));
+        }
+        Some((self.codec.vocabulary().slot(first)?, rest))
     }
 
     fn write_canonical(&mut self, state: &[Packed]) {

@@ -58,6 +58,8 @@ struct Encoder<'c, 't, 'w> {
     /// The goal's words say which atoms it has, not their order.
     goal_is_set: bool,
     objects_given: bool,
+    /// By slot: the word for its type, where that is said before it.
+    kinds: Vec<Word>,
     ranks: Vec<u16>,
     before: Vec<Packed>,
     exceptions: Exceptions,
@@ -85,6 +87,7 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
             goal_is_sorted: false,
             goal_is_set: false,
             objects_given: false,
+            kinds: Vec::new(),
             ranks: Vec::new(),
             before: Vec::new(),
             exceptions: Exceptions::default(),
@@ -144,7 +147,11 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
         self.objects_given = true;
         for ((_, kinds), slot) in pairs.into_iter().zip(slots) {
             self.words.push(self.codec.vocabulary().first_slot() + Word::from(slot));
+            let said = self.words.len();
             kinds.split('/').for_each(|kind| self.kind(kind, tail));
+            if self.codec.says_kinds() {
+                self.kinds.push(if self.words[said] == UNKNOWN { 0 } else { self.words[said] });
+            }
         }
     }
 
@@ -192,8 +199,7 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
             }
             Row::Action(action, slots) => {
                 self.words.push(self.tables.action_words[*action]);
-                let first = self.codec.vocabulary().first_slot();
-                self.words.extend(slots.iter().map(|&slot| first + Word::from(slot)));
+                slots.iter().for_each(|&slot| self.mention(slot));
             }
             Row::State(atoms) => self.write_state(atoms.clone()),
         }
@@ -224,9 +230,13 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
     fn emit(&mut self, sign: Sign, atom: Packed) {
         let predicate = atom.predicate();
         self.words.push(self.tables.predicate_word(sign, predicate));
-        let first = self.codec.vocabulary().first_slot();
         let arity = self.signature.predicates[usize::from(predicate)].arity;
-        self.words.extend((0..arity).map(|position| first + Word::from(atom.arg(position))));
+        (0..arity).for_each(|position| self.mention(atom.arg(position)));
+    }
+
+    fn mention(&mut self, slot: u16) {
+        self.words.extend(self.kinds.get(usize::from(slot)).copied().filter(|&kind| kind != 0));
+        self.words.push(self.codec.vocabulary().first_slot() + Word::from(slot));
     }
 
     fn legend(self) -> Legend {
@@ -234,7 +244,8 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
         let words = self.action_words.iter().zip(own).map(|(word, own)| word.unwrap_or(own).to_owned()).collect();
         let names = self.names.iter().map(|&name| name.to_owned()).collect();
         let predicates = self.spoken_predicates().into_iter().map(str::to_owned).collect();
-        Legend { domain: self.hints.domain, names, ranks: self.ranks, words, predicates, exceptions: self.exceptions }
+        let (ranks, kinds, exceptions) = (self.ranks, self.kinds, self.exceptions);
+        Legend { domain: self.hints.domain, names, ranks, words, predicates, kinds, exceptions }
     }
 
     /// The word for each predicate; none where all go by their names.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::vocabulary::Word;
+
 /// Names and words of one text, and the text of what its canonical words cannot say.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Legend {
@@ -16,6 +18,9 @@ pub struct Legend {
     /// The word for each predicate; empty where all go by their names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub predicates: Vec<String>,
+    /// The word for the type of each slot's object that is said before it, 0 where none is; later slots have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kinds: Vec<Word>,
     /// What follows the prompt's markers where canonical words do not say it to the byte.
     #[serde(default, skip_serializing_if = "Exceptions::is_empty")]
     pub exceptions: Exceptions,

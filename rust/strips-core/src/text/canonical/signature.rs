@@ -134,6 +134,11 @@ impl Tables {
         self.predicate_words[usize::from(predicate)][sign as usize]
     }
 
+    /// Whether the word is a type's.
+    pub(super) fn is_kind(&self, word: Word) -> bool {
+        self.types.values().any(|&kind| kind == word)
+    }
+
     pub(super) fn action(&self, word: Word) -> Option<usize> {
         self.actions.get(&word).map(|&action| usize::from(action))
     }
