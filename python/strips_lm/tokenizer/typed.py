@@ -64,6 +64,7 @@ class TypedTokenizer:
         """The type's word of each slot by type."""
         self.slots = (*plain.slots, *((first, type_slots) for first in self.blocks.values()))
         self.objects = plain.ids["<OBJECTS>"]
+        self.same = np.arange(self.vocab_size, dtype=np.int32)
 
     @classmethod
     def of_data(
@@ -152,8 +153,7 @@ class TypedTokenizer:
         Raises:
             TokenizerError: there are more objects of a type than slots.
         """
-        tokens = np.arange(self.first_typed, dtype=np.int32)
-        words = np.arange(self.vocab_size, dtype=np.int32)
+        tokens, words = self.same[: self.first_typed].copy(), self.same.copy()
         counts: dict[int, int] = {}
         for slot, kind in self._listed(prompt):
             first = self.blocks.get(kind)
@@ -180,19 +180,18 @@ class TypedTokenizer:
         """What stands between `<OBJECTS>`, with which a prompt goes on after its first token, and the next marker."""
         if len(row) < 2 or int(row[1]) != self.objects:
             return []
-        words = [int(word) for word in row[2:]]
-        end = next((at for at, word in enumerate(words) if word <= len(SPECIAL)), len(words))
-        return words[:end]
+        words: list[int] = []
+        for word in row[2:].tolist() if isinstance(row, np.ndarray) else row[2:]:
+            if word <= len(SPECIAL):
+                break
+            words.append(word)
+        return words
 
     def _prompt(self, row: Ids, legend: TypedLegend) -> Ids:
         """A prompt's tokens: a slot by type does without the word for the type."""
-        length = len(self._object_words(row))
         said = legend.tokens[row]
-        if not length:
-            return said
-        kept = np.ones(len(row), dtype=np.bool_)
-        kept[3 : 2 + length] = said[2 : 1 + length] < self.first_typed
-        return said[kept]
+        typed = said[: len(self._object_words(row)) + 1] >= self.first_typed
+        return np.delete(said, np.flatnonzero(typed) + 1) if typed.any() else said
 
     def _plain(self, row: Sequence[int], legend: TypedLegend) -> list[int]:
         """The canonical words of a row that begins with a prompt."""
