@@ -114,7 +114,7 @@ impl SpokenTask {
     fn say_operator(&self, number: usize) -> Vec<Word> {
         let operator = &self.task.operators[number];
         let mut words = vec![self.codec.tables(self.domain).1.action_words[operator.action.index()]];
-        for arg in operator.args.iter() {
+        for arg in &*operator.args {
             let Some(slot) = self.slots[arg.index()] else { return Vec::new() };
             self.mention(slot, &mut words);
         }
@@ -183,7 +183,9 @@ impl SpokenTask {
         let (signature, tables) = self.codec.tables(self.domain);
         words.push(tables.predicate_word(sign, atom.predicate()));
         let arity = signature.predicates[usize::from(atom.predicate())].arity;
-        (0..arity).for_each(|position| self.mention(atom.arg(position), words));
+        for position in 0..arity {
+            self.mention(atom.arg(position), words);
+        }
     }
 }
 

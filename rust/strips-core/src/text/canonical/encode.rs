@@ -199,7 +199,9 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
             }
             Row::Action(action, slots) => {
                 self.words.push(self.tables.action_words[*action]);
-                slots.iter().for_each(|&slot| self.mention(slot));
+                for &slot in slots {
+                    self.mention(slot);
+                }
             }
             Row::State(atoms) => self.write_state(atoms.clone()),
         }
@@ -231,7 +233,9 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
         let predicate = atom.predicate();
         self.words.push(self.tables.predicate_word(sign, predicate));
         let arity = self.signature.predicates[usize::from(predicate)].arity;
-        (0..arity).for_each(|position| self.mention(atom.arg(position)));
+        for position in 0..arity {
+            self.mention(atom.arg(position));
+        }
     }
 
     fn mention(&mut self, slot: u16) {
