@@ -11,7 +11,8 @@ pytest.importorskip("torch")
 from strips_lm import _native
 from strips_lm.config import RunConfig
 from strips_lm.generate import Planner
-from strips_lm.spelled_guide import SpelledGuide, oracle_guide
+from strips_lm.guides import oracle_guide
+from strips_lm.spelled_guide import SpelledGuide
 from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer
 from strips_lm.tokenizer.spelled import learn_pieces
 from test_masked import KEYS, MANIPULATION, Questions, untrained

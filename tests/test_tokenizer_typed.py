@@ -18,7 +18,7 @@ from strips_lm.config import RunConfig  # noqa: E402
 from strips_lm.explain import explain  # noqa: E402
 from strips_lm.generate import GUIDED, Planner  # noqa: E402
 from strips_lm.guide import Tasks  # noqa: E402
-from strips_lm.spelled_guide import oracle_guide  # noqa: E402
+from strips_lm.guides import oracle_guide  # noqa: E402
 from strips_lm.tokenizer import CanonicalTokenizer, TokenizerError, TypedTokenizer  # noqa: E402
 from test_masked import AS_WRITTEN, KEYS, Questions, questions, untrained, untrained_lstm  # noqa: E402, F401
 from test_tokenizer_canonical import (  # noqa: E402  # noqa: E402

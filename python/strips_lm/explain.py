@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from strips_lm.spelled_guide import oracle_guide
-from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer, TypedTokenizer
+from strips_lm.guides import oracle_guide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -121,7 +120,7 @@ class _Walk:
 
 
 def _walk(planner: Planner, legend: Any, tasks: Tasks | None) -> _Walk | None:
-    if tasks is None or not isinstance(planner.tokenizer, CanonicalTokenizer | TypedTokenizer):
+    if tasks is None or not planner.tokenizer.slots:
         return None
     return _Walk(oracle_guide(planner.tokenizer, [legend], tasks))
 
@@ -194,21 +193,12 @@ class _Reader:
         return Position(self._word(token), float(shares[token]), _flag(allowed, token), removed, choices)
 
     def _words(self, tokens: Sequence[int]) -> str:
-        if isinstance(self.tokenizer, CanonicalTokenizer | TypedTokenizer):
-            return " ".join(map(self._word, tokens))
-        if isinstance(self.tokenizer, SpelledTokenizer):
-            return self.tokenizer.say(tokens, self.legend)
-        return str(self.tokenizer.hf.decode(list(tokens))).strip()
+        return self.tokenizer.say(tokens, self.legend)
 
     def _word(self, token: int) -> str:
-        """A token as people read it: slots by the prompt's own names."""
-        if isinstance(self.tokenizer, TypedTokenizer):
-            return self.tokenizer.say(token, self.legend)
-        if not isinstance(self.tokenizer, CanonicalTokenizer):
-            return str(self.tokenizer.hf.decode([token]))
-        slot = token - self.tokenizer.slots[0][0]
-        names = self.legend.names
-        return names[slot] if 0 <= slot < len(names) else self.tokenizer.words[token]
+        """A token as people read it: where names have slots, these by the prompt's own names."""
+        tokenizer = self.tokenizer
+        return tokenizer.say([token], self.legend) if tokenizer.slots else str(tokenizer.hf.decode([token]))
 
 
 def markers(tokenizer: PlanTokenizer) -> tuple[int, int, int]:

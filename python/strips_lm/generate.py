@@ -26,11 +26,11 @@ from strips_lm.decode.masked import MaskedLoop
 from strips_lm.decode.search import Budget, SearchLoop
 from strips_lm.fallback import Fallback
 from strips_lm.forward import hidden_at
+from strips_lm.guides import oracle_guide
 from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
 from strips_lm.replan import Encoded, Renewal, replan
-from strips_lm.spelled_guide import oracle_guide
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -49,12 +49,16 @@ class OracleGuide:
         self.step, self.state, self.end = words.ids["<ACTION>"], words.ids["<STATE>"], words.end_id
         self.first_slot, self.kinds = words.codec.first_slot, words.kinds
         self.decoder = _native.MaskedDecoder(words.codec, words.words)
+        self.prompts: dict[int, int] = {}
+        """Of each row the number of its prompt."""
 
     def add(self, prompts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
         """Begin a row for each prompt; the rows' numbers, and the tokens forced in each."""
         tasks, names = self.tasks.find(prompts)
         first, forced = self.decoder.add(tasks, [self.legends[i] for i in prompts], names)
-        return list(range(first, first + len(prompts))), forced
+        rows = list(range(first, first + len(prompts)))
+        self.prompts.update(zip(rows, prompts, strict=True))
+        return rows, forced
 
     def mask(self, rows: Sequence[int]) -> NDArray[np.bool_]:
         """Which tokens may come next: flags (rows, vocabulary)."""
@@ -88,7 +92,9 @@ class OracleGuide:
 
     def fork(self, row: int) -> int:
         """A new row that goes on from where `row` is."""
-        return self.decoder.fork(row)
+        new = self.decoder.fork(row)
+        self.prompts[new] = self.prompts[row]
+        return new
 
     def arrive(self, before: Hashable, tokens: Sequence[int]) -> Hashable:
         """The state after `tokens`: the atoms in which it differs from the first state, or all, as the layout has it.
@@ -141,6 +147,8 @@ class OracleGuide:
     def remove(self, rows: Sequence[int]) -> None:
         """Forget rows."""
         self.decoder.remove(rows)
+        for row in rows:
+            del self.prompts[row]
 
 
 def canonical(tokenizer: PlanTokenizer) -> CanonicalTokenizer:

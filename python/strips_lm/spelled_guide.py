@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from strips_lm.guide import OracleGuide
-from strips_lm.tokenizer import SpelledTokenizer, TypedTokenizer
-from strips_lm.typed_guide import TypedGuide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,20 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from strips_lm.guide import Tasks
-    from strips_lm.tokenizer import PlanTokenizer
-
-
-def oracle_guide(tokenizer: PlanTokenizer, legends: Sequence[Any], tasks: Tasks) -> OracleGuide:
-    """The guide for prompts in a tokenizer's tokens.
-
-    Raises:
-        ConfigError: the tokenizer's texts are not of canonical words, or of another domain than the tasks.
-    """
-    if isinstance(tokenizer, SpelledTokenizer):
-        return SpelledGuide(tokenizer, legends, tasks)
-    if isinstance(tokenizer, TypedTokenizer):
-        return TypedGuide(tokenizer, legends, tasks)
-    return OracleGuide(tokenizer, legends, tasks)
+    from strips_lm.tokenizer import SpelledTokenizer
 
 
 class SpelledGuide(OracleGuide):
@@ -50,15 +35,12 @@ class SpelledGuide(OracleGuide):
         """
         super().__init__(tokenizer, legends, tasks)
         self.tokenizer, self.words = tokenizer, tokenizer.words
-        self.prompts: dict[int, int] = {}
-        """Of each row the number of its prompt."""
         self.begun: dict[int, tuple[int, ...]] = {}
         """Of each row the pieces of a name that is not yet taken."""
 
     def add(self, prompts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
         """Begin a row for each prompt; the rows' numbers, and the tokens forced in each."""
         rows, forced = super().add(prompts)
-        self.prompts.update(zip(rows, prompts, strict=True))
         self.begun.update(dict.fromkeys(rows, ()))
         return rows, [self._go_on(row, words) for row, words in zip(rows, forced, strict=True)]
 
@@ -106,14 +88,14 @@ class SpelledGuide(OracleGuide):
     def fork(self, row: int) -> int:
         """A new row that goes on from where `row` is."""
         new = super().fork(row)
-        self.prompts[new], self.begun[new] = self.prompts[row], self.begun[row]
+        self.begun[new] = self.begun[row]
         return new
 
     def remove(self, rows: Sequence[int]) -> None:
         """Forget rows."""
         super().remove(rows)
         for row in rows:
-            del self.prompts[row], self.begun[row]
+            del self.begun[row]
 
     def _name(self, row: int, slot: int) -> tuple[int, ...]:
         """The pieces of a slot's name."""

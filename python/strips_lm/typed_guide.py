@@ -28,13 +28,10 @@ class TypedGuide(OracleGuide):
         """
         super().__init__(tokenizer, [legend.plain for legend in legends], tasks)
         self.typed, self.words = legends, tokenizer.words
-        self.prompts: dict[int, int] = {}
-        """Of each row the number of its prompt."""
 
     def add(self, prompts: Sequence[int]) -> tuple[list[int], list[list[int]]]:
         """Begin a row for each prompt; the rows' numbers, and the tokens forced in each."""
         rows, forced = super().add(prompts)
-        self.prompts.update(zip(rows, prompts, strict=True))
         return rows, [self._tokens(row, words) for row, words in zip(rows, forced, strict=True)]
 
     def mask(self, rows: Sequence[int]) -> NDArray[np.bool_]:
@@ -66,18 +63,6 @@ class TypedGuide(OracleGuide):
         """
         words = super().shortened(row)
         return None if words is None else self._tokens(row, words)
-
-    def fork(self, row: int) -> int:
-        """A new row that goes on from where `row` is."""
-        new = super().fork(row)
-        self.prompts[new] = self.prompts[row]
-        return new
-
-    def remove(self, rows: Sequence[int]) -> None:
-        """Forget rows."""
-        super().remove(rows)
-        for row in rows:
-            del self.prompts[row]
 
     def _legend(self, row: int) -> TypedLegend:
         return self.typed[self.prompts[row]]

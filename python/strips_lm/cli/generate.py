@@ -142,8 +142,8 @@ def _print_json(
         "states_right": judgement.states_right,
     }
     if made.choices:
-        found |= {"choices": made.choices, "removed_share": made.removed / made.choices}
-        found |= {"steps_cut": made.steps_cut}
+        share = made.removed / made.choices
+        found |= {"choices": made.choices, "removed_share": share, "steps_cut": made.steps_cut}
     if steps is not None:
         found["steps"] = explanation.to_json(steps, judgement)
     print(json.dumps(found))

@@ -85,6 +85,9 @@ class PlanTokenizer(Protocol):
     ) -> list[str]:
         """The completions' texts alone, without the space that parts them from their prompts."""
 
+    def say(self, ids: Sequence[int], legend: Any) -> str:
+        """Tokens as people read them: words, and objects by their names."""
+
     def save_pretrained(self, folder: str | Path) -> None:
         """Writes the tokenizer's files into a folder."""
 

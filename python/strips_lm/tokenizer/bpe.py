@@ -127,6 +127,11 @@ class BpeTokenizer:
         del prompts
         return [text.removeprefix(" ") for text in self.decode(completions, legends)]
 
+    def say(self, ids: Sequence[int], legend: Any) -> str:
+        """The text of tokens."""
+        del legend
+        return str(self.hf.decode(list(ids))).strip()
+
     def _encode(self, texts: Sequence[str]) -> list[Ids]:
         encodings = self.hf.backend_tokenizer.encode_batch_fast(list(texts), add_special_tokens=False)
         return [np.array(encoding.ids, dtype=np.int32) for encoding in encodings]

@@ -164,6 +164,11 @@ class CanonicalTokenizer:
         """The completions' texts without the space that parts them from their prompts."""
         return self.codec.decode_completions([list(map(int, row)) for row in prompts], completions, legends)
 
+    def say(self, ids: Sequence[int], legend: Any) -> str:
+        """Tokens as people read them: words, and slots by their objects' names, as far as they have one."""
+        first, names = self.codec.first_slot, legend.names
+        return " ".join(names[i - first] if 0 <= i - first < len(names) else self.words[i] for i in ids)
+
     def _encode(
         self, texts: Sequence[str], words: Sequence[Sequence[str]] | None
     ) -> tuple[list[Ids], NDArray[np.int64], list[Any]]:
@@ -174,6 +179,30 @@ class CanonicalTokenizer:
         if len(ids) and int(ids.max()) >= self.vocab_size:
             raise TokenizerError(_too_many_objects(self.max_slots))
         return np.split(ids, offsets[1:-1]), cuts, legends
+
+
+class OfWords:
+    """What tokenizers made from the words of a plain canonical one share with it."""
+
+    slotted: CanonicalTokenizer
+    """The plain one."""
+    words: list[str]
+    """Its words with all else, by id."""
+
+    @property
+    def vocab_size(self) -> int:
+        """Ids run from 0 to this, exclusive."""
+        return len(self.words)
+
+    @property
+    def start_id(self) -> int:
+        """The token that begins a record."""
+        return self.slotted.start_id
+
+    @property
+    def end_id(self) -> int:
+        """The token that ends a record, and pads."""
+        return self.slotted.end_id
 
 
 def signature(domain: _native.Domain) -> Signature:

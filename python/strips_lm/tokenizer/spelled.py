@@ -21,7 +21,7 @@ from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 from strips_lm import _native
 from strips_lm.spelling import Spelling
 from strips_lm.tokenizer.base import TokenizerError, write_settings
-from strips_lm.tokenizer.canonical import CODEC, CanonicalTokenizer, word_level
+from strips_lm.tokenizer.canonical import CODEC, CanonicalTokenizer, OfWords, word_level
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -42,7 +42,7 @@ MOST_KNOWN = 1 << 16
 """Names whose pieces are kept at hand."""
 
 
-class SpelledTokenizer:
+class SpelledTokenizer(OfWords):
     """A `PlanTokenizer` over canonical words and the pieces of names."""
 
     slots: tuple[tuple[int, int], ...] = ()
@@ -83,21 +83,6 @@ class SpelledTokenizer:
         (Path(folder) / CODEC).write_text(self.slotted.codec.to_json(), encoding="utf-8")
         self.pieces.save(str(Path(folder) / NAMES))
         write_settings(folder, {"kind": "spelled", "max_slots": self.slotted.max_slots})
-
-    @property
-    def vocab_size(self) -> int:
-        """Ids run from 0 to this, exclusive."""
-        return len(self.words)
-
-    @property
-    def start_id(self) -> int:
-        """The token that begins a record."""
-        return self.slotted.start_id
-
-    @property
-    def end_id(self) -> int:
-        """The token that ends a record, and pads."""
-        return self.slotted.end_id
 
     def of_domain(self, domain: Domain) -> Self:
         """Itself, where its texts are of that domain.

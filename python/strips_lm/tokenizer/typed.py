@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 
 from strips_lm.tokenizer.base import SPECIAL, TokenizerError, read_settings, write_settings
-from strips_lm.tokenizer.canonical import CODEC, CanonicalTokenizer, word_level
+from strips_lm.tokenizer.canonical import CODEC, CanonicalTokenizer, OfWords, word_level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +45,7 @@ class TypedLegend:
         return self.plain.names
 
 
-class TypedTokenizer:
+class TypedTokenizer(OfWords):
     """A `PlanTokenizer` over canonical words with slots by type."""
 
     def __init__(self, plain: CanonicalTokenizer, type_slots: int) -> None:
@@ -84,21 +84,6 @@ class TypedTokenizer:
         (Path(folder) / CODEC).write_text(self.slotted.codec.to_json(), encoding="utf-8")
         sizes = {"max_slots": self.slotted.max_slots, "type_slots": self.type_slots}
         write_settings(folder, {"kind": "typed", **sizes})
-
-    @property
-    def vocab_size(self) -> int:
-        """Ids run from 0 to this, exclusive."""
-        return len(self.words)
-
-    @property
-    def start_id(self) -> int:
-        """The token that begins a record."""
-        return self.slotted.start_id
-
-    @property
-    def end_id(self) -> int:
-        """The token that ends a record, and pads."""
-        return self.slotted.end_id
 
     def of_domain(self, domain: Domain) -> Self:
         """The same tokens for texts of one of the domains.
@@ -142,10 +127,11 @@ class TypedTokenizer:
         said = [legend.words[list(row)].tolist() for row, legend in zip(completions, legends, strict=True)]
         return self.slotted.decode_completions(asked, said, [legend.plain for legend in legends])
 
-    def say(self, token: int, legend: TypedLegend) -> str:
-        """A token as people read it: a slot by its object's name, where it has one."""
-        slot = int(legend.words[token]) - self.first_slot
-        return legend.names[slot] if 0 <= slot < len(legend.names) else self.words[token]
+    def say(self, ids: Sequence[int], legend: TypedLegend) -> str:
+        """Tokens as people read them: words, and slots by their objects' names, as far as they have one."""
+        slots = [int(legend.words[token]) - self.first_slot for token in ids]
+        names = legend.names
+        return " ".join(names[s] if 0 <= s < len(names) else self.words[i] for s, i in zip(slots, ids, strict=True))
 
     def _legend(self, prompt: Ids, plain: Legend) -> TypedLegend:
         """The legend of a text whose prompt has these canonical words.

@@ -17,7 +17,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 pub use batch::{MaskError, MaskedDecoder};
 
-use super::canonical::{Codec, Layout, Legend, Marker, Packed, Sign, Word};
+use super::canonical::{Codec, Layout, Legend, Marker, Packed, Sign, Word, mention};
 use crate::search::SuccessorGenerator;
 use crate::task::{Fact, OperatorId, State, Task};
 
@@ -123,8 +123,7 @@ impl SpokenTask {
 
     /// Appends an object's slot, after its type where that is said.
     fn mention(&self, slot: u16, words: &mut Vec<Word>) {
-        words.extend(self.kinds.get(usize::from(slot)).copied().filter(|&kind| kind != 0));
-        words.push(self.codec.vocabulary().first_slot() + Word::from(slot));
+        mention(self.codec.vocabulary(), &self.kinds, slot, words);
     }
 
     fn pack(&self, fact: &Fact) -> Option<Packed> {

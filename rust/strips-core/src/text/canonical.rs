@@ -52,7 +52,7 @@ use crate::pddl::ast::Domain;
 pub(crate) use packed::Packed;
 pub(crate) use segments::Marker;
 use signature::Tables;
-pub(crate) use vocabulary::Sign;
+pub(crate) use vocabulary::{Sign, mention};
 
 /// How much the rewriting takes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -11,7 +11,7 @@ use super::legend::{Exceptions, Legend};
 use super::packed::{Packed, difference, sorted_set};
 use super::segments::{Marker, Segment, split};
 use super::signature::Tables;
-use super::vocabulary::{RAW, Sign, UNKNOWN, WHOLE, Word};
+use super::vocabulary::{RAW, Sign, UNKNOWN, WHOLE, Word, mention};
 use super::{Codec, Hints, Layout, Signature};
 
 /// Appends the words of a text and gives back its legend.
@@ -239,8 +239,7 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
     }
 
     fn mention(&mut self, slot: u16) {
-        self.words.extend(self.kinds.get(usize::from(slot)).copied().filter(|&kind| kind != 0));
-        self.words.push(self.codec.vocabulary().first_slot() + Word::from(slot));
+        mention(self.codec.vocabulary(), &self.kinds, slot, self.words);
     }
 
     fn legend(self) -> Legend {

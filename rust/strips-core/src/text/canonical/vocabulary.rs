@@ -151,6 +151,12 @@ impl Vocabulary {
     }
 }
 
+/// Appends the words for the object of a slot: its type's, where `kinds` has one for the slot, and the slot.
+pub(crate) fn mention(vocabulary: &Vocabulary, kinds: &[Word], slot: u16, words: &mut Vec<Word>) {
+    words.extend(kinds.get(usize::from(slot)).copied().filter(|&kind| kind != 0));
+    words.push(vocabulary.first_slot() + Word::from(slot));
+}
+
 /// How many words there are before the completion.
 pub(super) fn prompt_length(words: &[Word]) -> usize {
     let begins = |&id: &Word| Marker::of_id(id).is_some_and(Marker::begins_completion);
