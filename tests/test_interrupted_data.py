@@ -81,7 +81,8 @@ def seconds_to_answer(out: Path, moment: str) -> float | None:
         line = child.stderr.readline()
         answered, code = time.monotonic(), child.wait(timeout=120)
         sent, rest = child.stdout.readline(), child.stderr.read()
-    if code in {0, -signal.SIGINT}:  # done, or so nearly that the interpreter was ending
+    if line.endswith(": written\n"):  # The work was done: the signal met the end of the program, or came after it.
+        assert code in {0, 130, -signal.SIGINT}
         return None
     assert (code, line, rest) == (130, "interrupted\n", "")
     return answered - float(sent)
