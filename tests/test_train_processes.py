@@ -24,10 +24,11 @@ def start(data, out, run, rank, world, port):
 
 
 @pytest.mark.slow
-def test_two_processes_have_the_loss_curve_of_one(tmp_path):
+@pytest.mark.parametrize("more", [(), ("train.select_from=3", "train.batch_tokens=300")], ids=["all", "selected"])
+def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
     data = blocks_data.write(tmp_path / "data")
     run = tmp_path / "given.toml"
-    config("double-head", 6, *SETTINGS, "train.evaluate_every=0.5").save(run)
+    config("double-head", 6, *SETTINGS, "train.evaluate_every=0.5", *more).save(run)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import torch
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
     from torch import Tensor
@@ -161,6 +161,8 @@ class Step:
     """Pairs of the step, over all processes."""
     seen: int
     """Tokens of the step without padding, over all processes."""
+    drawn: int = 1
+    """Steps' worth of records that the step's were selected from."""
 
 
 def epoch_order(data: PlanDataset, plan: Plan, seed: int, epoch: int) -> list[NDArray[np.int64]]:
@@ -185,13 +187,23 @@ def build_step(
     *,
     rank: int = 0,
     world: int = 1,
+    select: Select | None = None,
 ) -> Step:
-    """The batches of one step for process `rank` of `world`; `seed` fixes every random choice in it."""
+    """The batches of one step for process `rank` of `world`; `seed` fixes every random choice in it.
+
+    With `select` the step is made of those of the dressed records that it picks.
+    """
     records = records[np.argsort(data.lengths[records], kind="stable")]
     groups = _dress(data, records, dress, np.random.default_rng(tuple(seed)))
-    cuts = _cut_batches(groups, plan.batch_tokens)
+    if data.spelling is not None:
+        order = np.argsort([max(map(len, group)) for group in groups], kind="stable")
+        groups, records = [groups[place] for place in order], records[order]
+    if select is not None:
+        picked = select(groups, records)
+        groups, records = [groups[place] for place in picked], records[picked]
+    cuts = cut_batches(groups, plan.batch_tokens)
     return Step(
-        batches=[_share(cut, data.pad, plan.spread, rank, world) for cut in cuts],
+        batches=[share_batch(cut, data.pad, plan.spread, rank, world) for cut in cuts],
         records=records,
         tokens=sum(len(group[0].completion) for group in groups),
         pairs=sum(len(group) > 1 for group in groups),
@@ -201,6 +213,9 @@ def build_step(
 
 Group = tuple[Row, ...]
 """A positive, and its negative where it comes along."""
+
+Select: TypeAlias = "Callable[[Sequence[Group], NDArray[np.int64]], NDArray[np.int64]]"
+"""Of dressed records and their numbers, the places of those that a step is made of, ascending."""
 
 
 def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.random.Generator) -> list[Group]:
@@ -218,8 +233,6 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
             parts = _renumber(parts, data.slots, rng)
         positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
         groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))) if pair else (positive,))
-    if data.spelling is not None:
-        groups.sort(key=lambda group: max(map(len, group)))
     return groups
 
 
@@ -258,7 +271,7 @@ def _used(seen: NDArray[np.integer], first: int, count: int) -> int:
     return max(0, int(seen[end - 1]) - first + 1) if end else 0
 
 
-def _cut_batches(groups: list[Group], batch_tokens: int) -> list[list[Group]]:
+def cut_batches(groups: Sequence[Group], batch_tokens: int) -> list[list[Group]]:
     """Cuts groups, in order, where the padded rows would pass `batch_tokens`."""
     cuts: list[list[Group]] = [[]]
     rows = longest = 0
@@ -272,7 +285,7 @@ def _cut_batches(groups: list[Group], batch_tokens: int) -> list[list[Group]]:
     return cuts
 
 
-def _share(groups: list[Group], pad: int, spread: float, rank: int, world: int) -> Batch:
+def share_batch(groups: Sequence[Group], pad: int, spread: float, rank: int = 0, world: int = 1) -> Batch:
     """One process's rows of a batch; where it has none, a row that no loss reads keeps the processes in step."""
     mine = groups[rank::world] or [(Row(groups[0][0].prompt, groups[0][0].completion, scored=False),)]
     rows: list[Row] = []

@@ -40,6 +40,8 @@ class Progress:
 
     step: int = 0
     """Optimisation steps done."""
+    drawn: int = 0
+    """Steps' worth of records drawn for them: more where records are selected."""
     seconds: float = 0.0
     """Time trained."""
     tokens: int = 0
@@ -129,7 +131,8 @@ def resume(folder: Path, model: PreTrainedModel, optimizer: Optimizer) -> Progre
     model.load_state_dict(weights, strict=False)
     model.tie_weights()
     _unflatten(load_file(folder / OPTIMIZER), optimizer)
-    return Progress(**json.loads((folder / TRAINER).read_text(encoding="utf-8")))
+    stood = json.loads((folder / TRAINER).read_text(encoding="utf-8"))
+    return Progress(**{"drawn": stood["step"], **stood})
 
 
 def _flatten(optimizer: Optimizer) -> dict[str, torch.Tensor]:

@@ -43,13 +43,18 @@ def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32, *
     """Both losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
     tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
     hidden = _hidden(model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype, compiled)
-    lm = _lm_sum(model, hidden[:tokens], batch.lm_labels)
+    lm = _lm_losses(model, hidden[:tokens], batch.lm_labels).sum()
     if pairs == 0:
         return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()))
     logits = model.multiple_choice_head.summary(hidden[tokens:].to(_weight_type(model))).view(pairs, -1)
     mc = F.cross_entropy(logits, batch.mc_labels, reduction="sum")
     right = (logits.argmax(dim=-1) == batch.mc_labels).sum()
     return Losses(lm, mc, tokens, pairs, right)
+
+
+def token_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -> Tensor:
+    """(scored,) the cross-entropy (nats) of each scored token, row after row."""
+    return _lm_losses(model, _hidden(model, batch, batch.lm_positions, dtype, compiled=False), batch.lm_labels)
 
 
 def _idle_head(model: Any, lm: Tensor) -> Tensor:
@@ -70,11 +75,11 @@ def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: 
     return hidden_at(model.transformer, ids, places, at, dtype, blocks=batch.blocks, compiled=compiled)
 
 
-def _lm_sum(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:
+def _lm_losses(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:
     weight = model.lm_head.weight.to(hidden.dtype)
     bias = getattr(model.lm_head, "bias", None)
     logits = F.linear(rounded(hidden), weight, None if bias is None else bias.to(hidden.dtype))[: len(hidden)]
-    return F.cross_entropy(logits.to(_weight_type(model)), labels, reduction="sum")
+    return F.cross_entropy(logits.to(_weight_type(model)), labels, reduction="none")
 
 
 def _weight_type(model: Any) -> torch.dtype:

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from accelerate import Accelerator
 from accelerate.tracking import get_available_trackers
@@ -31,6 +32,7 @@ from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
 from strips_lm.objective import Objective, measure, validation_step
 from strips_lm.own_negatives import with_negatives
+from strips_lm.selection import Selection
 from strips_lm.tuning import Choice, default, load_choice, save_choice, tuned
 from strips_lm.watch import Clock, Signals, Watch, say
 
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from concurrent.futures import Future
 
+    from numpy.typing import NDArray
     from torch.optim import Optimizer
     from transformers import PreTrainedModel
 
@@ -106,6 +109,7 @@ def _loop(run: Run, watch: Watch, signals: Signals) -> int:
             step = steps.next(fraction)
             window.add(step, _take_step(run, step, fraction))
             progress.step, progress.tokens = progress.step + 1, progress.tokens + step.seen
+            progress.drawn += step.drawn
             progress.seconds = run.clock.seconds()
             if progress.step % LOG_EVERY == 0:
                 watch.log("train", fraction, window.close(fraction))
@@ -122,8 +126,11 @@ class Steps:
         train = run.config.train
         self.run = run
         self.plan = Plan(train.step_tokens, train.step_pairs, train.batch_tokens, _spread(run))
-        self.walk = walk(run.data, self.plan, run.config.seed, run.progress.step)
-        self.pool = ThreadPoolExecutor(1) if _builds_ahead(run.accelerator.device) else None
+        self.walk = walk(run.data, self.plan, run.config.seed, run.progress.drawn)
+        self.select = Selection(run.accelerator, run.accelerator.unwrap_model(run.objective), run.data, self.plan)
+        # What is selected hangs on the weights that the step before leaves.
+        ahead = _builds_ahead(run.accelerator.device) and train.select_from == 1
+        self.pool = ThreadPoolExecutor(1) if ahead else None
         self.ahead: Future[Step] | None = None
 
     def next(self, fraction: float) -> Step:
@@ -140,10 +147,11 @@ class Steps:
             self.pool.shutdown()
 
     def _build(self, fraction: float) -> Step:
-        """The next step, dressed by (seed, step); `fraction` may be that of the step before."""
+        """The next step, dressed by the seed and what was drawn; `fraction` may be that of the step before."""
         run, train, accelerator = self.run, self.run.config.train, self.run.accelerator
         number, records = next(self.walk)
-        fraction = max(fraction, number / train.steps if train.steps else 0.0)
+        fraction = max(fraction, number / train.steps if train.steps and self.pool else 0.0)
+        parts = [records, *self._more(fraction)]
         choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
         mc_share = train.mc_share if choosing else 0.0
         short = max(0.0, 1.0 - fraction / train.short_names) if train.short_names else 0.0
@@ -151,8 +159,16 @@ class Steps:
         dress = Dress(mc_share, train.renumber_share, train.position_offset, train.offset_share, short, named)
         seed = (run.config.seed, number, 1)
         rank, world = accelerator.process_index, accelerator.num_processes
-        step = build_step(run.data, records, self.plan, dress, seed, rank=rank, world=world)
-        return replace(step, batches=[batch.to(accelerator.device) for batch in step.batches])
+        select = self.select if len(parts) > 1 else None
+        records = np.concatenate(parts)
+        step = build_step(run.data, records, self.plan, dress, seed, rank=rank, world=world, select=select)
+        return replace(step, drawn=len(parts), batches=[batch.to(accelerator.device) for batch in step.batches])
+
+    def _more(self, fraction: float) -> list[NDArray[np.int64]]:
+        """The records of further steps that this one's are selected from."""
+        train = self.run.config.train
+        selecting = train.select_start <= fraction < train.select_end
+        return [next(self.walk)[1] for _ in range(train.select_from - 1)] if selecting else []
 
 
 def _builds_ahead(device: torch.device) -> bool:

@@ -197,6 +197,13 @@ class TrainConfig:
     """Records an optimisation step instead of `step_tokens`; 0 counts tokens."""
     batch_tokens: int = 8192
     """Padded tokens that go through the model at once; a step is cut into as many batches as it takes."""
+    select_from: int = 1
+    """Of the records of so many steps one step's worth is trained on, those with the highest loss above what no model
+    could save; 1 trains on all."""
+    select_start: float = 0.3
+    """Share of the run after which records are selected: before it all of them are news."""
+    select_end: float = 1.0
+    """Share of the run after which all are trained on again."""
     optimizer: Literal["muon", "adam"] = "muon"
     """`muon`: Muon for inner matrices and AdamW for the rest; `adam`: Adam with decoupled weight decay for all."""
     lr: float = 2e-3
@@ -262,10 +269,12 @@ class TrainConfig:
     def __post_init__(self) -> None:
         check(self.steps > 0 or self.minutes > 0.0, "`train.steps` or `train.minutes` must be positive")
         check(min(self.step_tokens, self.batch_tokens) > 0, "`train.step_tokens` and `train.batch_tokens` are positive")
+        check(self.select_from > 0, "`train.select_from` must be positive")
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
         check(bool(self.own_negatives) or not self.own_share, "`train.own_share` needs `train.own_negatives`")
-        for share in ("mc_share", "own_share", "offset_share", "renumber_share", "drawn_names", "short_names"):
+        shares = "mc_share", "own_share", "offset_share", "renumber_share", "drawn_names", "short_names"
+        for share in (*shares, "select_start", "select_end"):
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 
 
