@@ -17,6 +17,7 @@ from transformers import GPT2Config, GPT2LMHeadModel  # noqa: E402
 from strips_lm import _native  # noqa: E402
 from strips_lm.cli import main  # noqa: E402
 from strips_lm.config import ConfigError, RunConfig  # noqa: E402
+from strips_lm.decode.decoders import decoders_of  # noqa: E402
 from strips_lm.decode.gpt2 import Gpt2Decoder  # noqa: E402
 from strips_lm.decode.loop import pad  # noqa: E402
 from strips_lm.decode.lstm import LstmDecoder  # noqa: E402
@@ -317,7 +318,8 @@ def test_search_gives_up_after_its_calls(questions: Questions) -> None:
 
 def test_a_row_rewound_gives_the_logits_of_a_fresh_one(questions: Questions) -> None:
     ids = [list(map(int, row))[:20] for row in tokenizer().encode_prompts(questions.prompts[:2])[0]]
-    for decoder in (Gpt2Decoder(untrained(7), 2), LstmDecoder(untrained_lstm(), 2)):
+    model = untrained(7)
+    for decoder in (Gpt2Decoder(model, 2), decoders_of(model)(2), LstmDecoder(untrained_lstm(), 2)):
         wanted = decoder.feed(0, *pad(ids, decoder.lengths.device))
         decoder.clear(0, 2)
         decoder.feed(0, *pad([ids[0][:9] + ids[1][:4], ids[1]], decoder.lengths.device))

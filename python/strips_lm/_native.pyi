@@ -604,6 +604,60 @@ class Prover:
         """What is wrong with each record, given by its columns; `None` for nothing."""
 
 @final
+class Gpt2Weights:
+    """A GPT-2's weights, packed for this processor."""
+
+    def __new__(
+        cls,
+        blocks: Sequence[Sequence[NDArray[np.float32]]],
+        tokens: NDArray[np.float32],
+        places: NDArray[np.float32],
+        norm: tuple[NDArray[np.float32], NDArray[np.float32]],
+        head: NDArray[np.float32],
+        *,
+        heads: int,
+        scales: Sequence[float],
+        activation: Literal["gelu_new", "relu", "relu2"],
+        epsilon: float,
+    ) -> Gpt2Weights:
+        """Packs the weights.
+
+        Of each of `blocks` the arrays are, in this order, weight and bias of: the first norm, the attention's inputs,
+        its projection, the second norm, the inner layer, and the way back; `scales` are the factors of attention's
+        scores.
+        `tokens` (vocabulary, width) and `places` (positions, width) are what a token begins as, `norm` is the last one,
+        `head` is (vocabulary, width).
+
+        Raises:
+            ValueError: shapes that do not fit each other, an array that is not contiguous, or no such activation.
+        """
+    @property
+    def context(self) -> int:
+        """Positions that the model has."""
+
+@final
+class Gpt2Rows:
+    """Rows of text that go through a model on one core: what was read of each is kept.
+
+    A row's logits depend on that row alone, to the last bit.
+    """
+
+    def __new__(cls, weights: Gpt2Weights, rows: int) -> Gpt2Rows:
+        """So many rows that have read nothing."""
+    def feed(self, first: int, ids: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Appends tokens to the rows from `first` on; the logits after the last of each, (rows, vocabulary).
+
+        Of `ids` (rows, longest) each row gets its first `counts`, at least one.
+
+        Raises:
+            ValueError: there are not so many rows, or a token is none of the vocabulary.
+        """
+    def move(self, sources: Sequence[int], targets: Sequence[int]) -> None:
+        """Copies rows over rows, all at once: what is copied is what was there before."""
+    def rewind(self, row: int, count: int) -> None:
+        """Forgets the tokens of a row but the first `count`."""
+
+@final
 class MaskedDecoder:
     """Says which tokens may come next if every step is to be executable; states are forced, not chosen.
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 import torch
@@ -19,15 +20,14 @@ from strips_lm.config import ConfigError
 from strips_lm.config.names import suggestion
 from strips_lm.decode import Generation, Greedy, Job, Limits, Loop, Sample, run_jobs
 from strips_lm.decode.beam import beam_search
-from strips_lm.decode.gpt2 import Gpt2Decoder
+from strips_lm.decode.decoders import decoders_of
+from strips_lm.decode.gpt2_cpu import ROWS, fits
 from strips_lm.decode.loop import pad
-from strips_lm.decode.lstm import LstmDecoder
 from strips_lm.decode.masked import MaskedLoop
 from strips_lm.decode.search import Budget, SearchLoop
 from strips_lm.fallback import Fallback
 from strips_lm.forward import hidden_at
 from strips_lm.guides import oracle_guide
-from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
 from strips_lm.replan import Encoded, Renewal, replan
@@ -117,7 +117,7 @@ class Planner:
     """Hears what `masked` and `masked-replan` have written so far, after every choice."""
 
     def __init__(self, model: Any, tokenizer: PlanTokenizer, config: GenerateConfig, seed: int = 0) -> None:
-        """Both as they are; `seed` decides what `sample` draws."""
+        """Both as they are, the model trained no further; `seed` decides what `sample` draws."""
         self.model, self.tokenizer, self.config, self.seed = model, tokenizer, config, seed
         self.workers = config.workers or (1 if model.device.type != "cpu" else usable_cores())
 
@@ -249,7 +249,7 @@ class Planner:
         jobs = [Job(i, k, row) for i, row in enumerate(rows) if len(row) < self.model_context for k in range(draws)]
 
         def loop() -> Loop:
-            return Loop(self._decoder(config.rows), choose, limits, seed=self.seed, score=draws > 1)
+            return Loop(self._stepping(), choose, limits, seed=self.seed, score=draws > 1)
 
         made = run_jobs(jobs, loop, self.workers)
         texts = self._texts([ids[g.prompt] for g in made], [legends[g.prompt] for g in made], made)
@@ -278,7 +278,7 @@ class Planner:
         done = _Counter(tick)
 
         def loop() -> Loop:
-            return Loop(self._decoder(config.rows), choose, limits, seed=self.seed, score=score, on_done=done)
+            return Loop(self._stepping(), choose, limits, seed=self.seed, score=score, on_done=done)
 
         return run_jobs(jobs, loop, self.workers)
 
@@ -335,9 +335,17 @@ class Planner:
             raise ConfigError(f"a prompt of {too_long} tokens does not fit the model's context")
         return [Job(i, draw, row) for i, row in enumerate(ids) for draw in range(draws)]
 
+    @cached_property
+    def _decoders(self) -> Callable[[int], Decoder]:
+        return decoders_of(self.model)
+
     def _decoder(self, rows: int) -> Decoder:
-        kind = LstmDecoder if isinstance(self.model, LstmLMHeadModel) else Gpt2Decoder
-        return kind(self.model, rows)
+        return self._decoders(rows)
+
+    def _stepping(self) -> Decoder:
+        """A decoder for texts that grow by a token at a time."""
+        rows = self.config.rows
+        return self._decoder(min(rows, ROWS) if fits(self.model) else rows)
 
     def _texts(self, ids: Sequence[Any], legends: Sequence[Any], made: Sequence[Generation]) -> list[Completion]:
         texts = self.tokenizer.decode_completions(ids, [g.tokens for g in made], legends)

@@ -206,6 +206,7 @@ class Loop:
         left = len(going)
         sources, targets = going[going >= left], ended[:left].nonzero()[:, 0]
         self.decoder.move(sources, targets)
+        self.decoder.clear(left, len(ended) - left)
         self.rows.move(sources.tolist(), targets.tolist())
         tokens[targets] = tokens[sources]
         del self.rows.jobs[left:]

@@ -241,6 +241,7 @@ class MaskedLoop:
         left = len(going)
         sources, targets = going[going >= left], ended[:left].nonzero()[:, 0]
         self.decoder.move(sources.to(self.device), targets.to(self.device))
+        self.decoder.clear(left, len(ended) - left)
         for source, target in zip(sources.tolist(), targets.tolist(), strict=True):
             self.texts[target] = self.texts[source]
         del self.texts[left:]

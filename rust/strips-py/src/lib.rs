@@ -1,11 +1,12 @@
 //! `strips_lm._native`: the whole surface that Python sees, on one screen.
 //!
-//! Converts, detaches from the interpreter, calls `strips_core`, converts back. Holds no algorithm.
+//! Converts, detaches from the interpreter, calls `strips_core` or `strips_decode`, converts back. Holds no algorithm.
 
 #![allow(clippy::needless_pass_by_value, reason = "the interpreter hands arguments over by value")]
 
 mod automaton;
 mod error;
+mod gpt2;
 mod interrupt;
 mod operators;
 mod pddl;
@@ -30,6 +31,8 @@ mod _native {
     use crate::automaton::MaskedDecoder;
     #[pymodule_export]
     use crate::error::{DataError, LimitError, PddlError};
+    #[pymodule_export]
+    use crate::gpt2::{Gpt2Rows, Gpt2Weights};
     #[pymodule_export]
     use crate::pddl::{Domain, Problem};
     #[pymodule_export]
