@@ -74,6 +74,9 @@ class DataConfig:
     midway_share: float = 0.0
     """Share of training's problems of two steps and more that are trained from a state on their way, too; of a template
     with few problems from several."""
+    kept_share: float = 0.0
+    """Share of training's random problems with a goal of literals that are trained with one literal more, too: that a
+    fact be as it was, which a plan would leave changed (the box shut again)."""
     train_steps_power: int = 0
     """There a problem is as likely as its shortest plan's steps to this power; 0 draws all alike, as suites do. 1 is
     better at long plans and worse at more objects (docs/experiments.md)."""

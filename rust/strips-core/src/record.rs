@@ -11,6 +11,7 @@ mod config;
 mod draw;
 mod exploration;
 mod given_problems;
+mod kept_problems;
 mod large_problems;
 mod midway_problems;
 mod problems;

@@ -53,6 +53,9 @@ pub struct RecordConfig {
     /// Share of training's problems of two steps and more that are trained from midway, too; of a template with few
     /// problems from several states.
     pub midway_share: f64,
+    /// Share of training's random problems with a goal of literals that are trained with one literal more, too: that a fact
+    /// be as it was, which a plan would leave changed.
+    pub kept_share: f64,
     /// In training and validation a problem is as likely as its shortest plan's steps to this power.
     pub train_steps_power: u32,
     /// There a problem is as likely, too, as the number of problems with the same actions in their first plan to minus this
@@ -158,12 +161,13 @@ impl RecordConfig {
         self.check_negatives()
     }
 
-    fn shares(&self) -> [(&'static str, f64); 12] {
+    fn shares(&self) -> [(&'static str, f64); 13] {
         [
             ("validation_share", self.validation_share),
             ("template_share", self.template_share),
             ("train_template_share", self.train_template_share),
             ("midway_share", self.midway_share),
+            ("kept_share", self.kept_share),
             ("train_rarity", self.train_rarity),
             ("state_goal_share", self.state_goal_share),
             ("paper_share", self.paper_share),

@@ -193,8 +193,8 @@ pub(super) struct Solved {
     /// Given with their goals.
     pub given: Vec<Shape>,
     pub random: Vec<Shape>,
-    /// From states on the way of these, for training alone.
-    pub midway: Vec<Shape>,
+    /// Variants of these, for training alone.
+    pub variants: Vec<Shape>,
     pub more_objects: Vec<Shape>,
     pub longer: Vec<Shape>,
     pub large: Vec<Shape>,
@@ -213,8 +213,8 @@ impl Pools {
         let longer = sorter.add(solved.longer);
         let large = sorter.add(solved.large);
         // Last, so that none is a problem of another split.
-        let midway = sorter.add(solved.midway);
-        sorter.finish(&candidates, &midway, [unseen_template, more_objects, longer, large])
+        let variants = sorter.add(solved.variants);
+        sorter.finish(&candidates, &variants, [unseen_template, more_objects, longer, large])
     }
 
     /// The problems that the split's records are drawn from; empty where there are none.
@@ -255,7 +255,7 @@ impl<'c> Sorter<'c> {
         ids
     }
 
-    fn finish(self, candidates: &[u32], midway: &[u32], [template, objects, longer, large]: [Vec<u32>; 4]) -> Pools {
+    fn finish(self, candidates: &[u32], variants: &[u32], [template, objects, longer, large]: [Vec<u32>; 4]) -> Pools {
         let validation = if self.config.validation_by_shape { self.config.validation_share } else { 0.0 };
         let bands = [self.config.unseen_shapes_share, self.config.unseen_shapes_share + validation];
         let band = |id: &u32| {
@@ -272,8 +272,8 @@ impl<'c> Sorter<'c> {
         let drawing = Drawing { steps_power: config.train_steps_power, rarity: config.train_rarity };
         let training = |ids: Vec<u32>| Pool::new(&ids, shapes, config.train_template_share, drawing);
         let [unseen_shapes, tried, unseen_template] = [chosen(0), chosen(2), template].map(suite);
-        let on_the_way = midway.iter().copied().filter(|id| band(id) == 2);
-        let [validation, trained] = [chosen(1), chosen(2).into_iter().chain(on_the_way).collect()].map(training);
+        let varied = variants.iter().copied().filter(|id| band(id) == 2);
+        let [validation, trained] = [chosen(1), chosen(2).into_iter().chain(varied).collect()].map(training);
         let [more_objects, longer, large] = [objects, longer, large].map(suite);
         Pools {
             shapes: self.shapes,

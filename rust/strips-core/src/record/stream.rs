@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::config::{ConfigMistake, RecordConfig};
 use super::draw::Book;
 use super::given_problems::{self, Given};
+use super::kept_problems::kept;
 use super::large_problems;
 use super::midway_problems::{draws, midway};
 use super::problems::Workshop;
@@ -104,7 +105,8 @@ impl RecordStream {
         let workshop = Workshop { domain: parts.domain.clone(), config: &config, limits };
         let (given, left_out) = given_problems::shapes(&workshop, &parts.given)?;
         let mut solved = solve(&workshop, &parts, given)?;
-        solved.midway = midways(&workshop, &solved, &held_out)?;
+        solved.variants = midways(&workshop, &solved, &held_out)?;
+        solved.variants.extend(kept_problems(&workshop, &solved.random)?);
         let pools = Pools::new(solved, &held_out, &config);
         if pools.of(Split::Train).groups.is_empty() {
             return Err(RecordError::NoProblems { domain: parts.domain.name.clone() });
@@ -277,6 +279,15 @@ fn midways(workshop: &Workshop, solved: &Solved, held_out: &[usize]) -> Result<V
         .collect();
     let found = whole.par_iter().map(|&(shape, number)| midway(workshop, shape, number));
     let found = found.collect::<Result<Vec<_>, _>>()?;
+    Ok(found.into_iter().flatten().collect())
+}
+
+/// Of random problems those that ask for something to be as it was, too.
+fn kept_problems(workshop: &Workshop, random: &[Shape]) -> Result<Vec<Shape>, LimitError> {
+    if workshop.config.kept_share <= 0.0 {
+        return Ok(Vec::new());
+    }
+    let found = random.par_iter().map(|shape| kept(workshop, shape)).collect::<Result<Vec<_>, _>>()?;
     Ok(found.into_iter().flatten().collect())
 }
 

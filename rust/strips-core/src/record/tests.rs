@@ -8,7 +8,7 @@ use super::*;
 use crate::negative::{Corruption, FaultKind, Goal, check, trace};
 use crate::pddl::Source;
 use crate::search::{PlanSet, Semantics};
-use crate::task::{Limits, Task, ground};
+use crate::task::{Fact, Limits, State, Task, ground};
 
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../python/strips_lm/domains/manipulation")
@@ -51,6 +51,7 @@ pub(super) fn config() -> RecordConfig {
         template_share: 0.5,
         train_template_share: 0.25,
         midway_share: 0.5,
+        kept_share: 0.5,
         train_rarity: 0.5,
         train_steps_power: 1,
         state_goal_share: 0.5,
@@ -213,8 +214,8 @@ fn suites_share_no_problem_with_training() {
 
 #[test]
 fn problems_from_midway_are_training_s_alone() {
-    let with = stream(RecordConfig { midway_share: 1.0, ..config() });
-    let without = stream(RecordConfig { midway_share: 0.0, ..config() });
+    let with = stream(RecordConfig { midway_share: 1.0, kept_share: 0.0, ..config() });
+    let without = stream(RecordConfig { midway_share: 0.0, kept_share: 0.0, ..config() });
     assert!(with.problems() > without.problems() + 100, "{} {}", with.problems(), without.problems());
     for (split, records) in without.splits() {
         let (with, without) = (with.batch(split, 0..records), without.batch(split, 0..records));
@@ -227,6 +228,36 @@ fn problems_from_midway_are_training_s_alone() {
         let shape = with.problem(id.cast_unsigned() as usize);
         assert!(shape.shortest.is_some_and(|steps| (1..=7).contains(&steps)));
     }
+}
+
+#[test]
+fn problems_that_ask_for_what_holds_already_are_training_s_alone() {
+    let config = RecordConfig { random_problems: 300, midway_share: 0.0, ..config() };
+    let with = stream(RecordConfig { kept_share: 1.0, ..config.clone() });
+    let without = stream(RecordConfig { kept_share: 0.0, ..config });
+    for (split, records) in without.splits() {
+        let (with, without) = (with.batch(split, 0..records), without.batch(split, 0..records));
+        assert_eq!(with == without, !matches!(split, Split::Train | Split::Validation), "{}", split.name());
+    }
+    let kept = without.problems()..with.problems();
+    assert!(kept.len() > 40, "{kept:?}");
+    let batch = with.batch(Split::Train, 0..300);
+    let drawn = batch.problem_id.iter().filter(|&&id| kept.contains(&(id.cast_unsigned() as usize))).count();
+    assert!(drawn > 20, "{drawn} of 300");
+    let mut disturbed = 0;
+    for id in kept {
+        let shape = with.problem(id);
+        let Goal::Literals(literals) = &shape.goal else { panic!("a whole state keeps all it says") };
+        let holds =
+            |literal: &(Fact, bool), state: &State| Goal::Literals(vec![literal.clone()]).holds(&shape.task, state);
+        let held: Vec<_> = literals.iter().filter(|literal| holds(literal, &shape.task.init)).collect();
+        let [held] = held[..] else { panic!("one literal is of what holds already: {literals:?}") };
+        let breaks = |plan: &Vec<crate::task::OperatorId>| {
+            (1..plan.len()).any(|steps| !holds(held, &trace(&shape.task, &plan[..steps]).1))
+        };
+        disturbed += usize::from(shape.plans.iter().all(breaks));
+    }
+    assert!(disturbed > 5, "some have to be undone on the way: {disturbed}");
 }
 
 #[test]
