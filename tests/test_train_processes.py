@@ -15,7 +15,7 @@ SETTINGS = ("model.dropout=0.0", "train.precision=float32", "train.optimizer=ada
 
 
 def start(data, out, run, rank, world, port):
-    env = {**os.environ, "OMP_NUM_THREADS": "1", "ACCELERATE_USE_CPU": "true"}
+    env = {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
     if world > 1:
         env |= {"RANK": str(rank), "LOCAL_RANK": str(rank), "WORLD_SIZE": str(world)}
         env |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
@@ -28,7 +28,7 @@ def start(data, out, run, rank, world, port):
 def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
     data = blocks_data.write(tmp_path / "data")
     run = tmp_path / "given.toml"
-    config("double-head", 6, *SETTINGS, "train.evaluate_every=0.5", *more).save(run)
+    config("double-head", 6, *SETTINGS, "train.evaluate_every=0.5", "train.save_minutes=0.002", *more).save(run)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

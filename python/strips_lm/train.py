@@ -8,6 +8,7 @@ one in minutes the clock decides. A step's loss is a mean over the whole step, w
 from __future__ import annotations
 
 import math
+import os
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -92,20 +93,21 @@ def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool
     run = _prepare(config, Path(data), Path(out), resumed, shown)
     shown = shown and run.accelerator.is_main_process
     with Signals() as signals, _watch(run, Path(out), shown, resumed) as watch:
-        number = _loop(run, watch, signals)
-        _finish(run, watch)
+        fraction, number = _loop(run, watch, signals)
+        _finish(run, watch, fraction)
     run.accelerator.end_training()
     return number
 
 
-def _loop(run: Run, watch: Watch, signals: Signals) -> int:
+def _loop(run: Run, watch: Watch, signals: Signals) -> tuple[float, int]:
+    """Steps until the budget is spent or a signal comes; how much is spent, and the signal's number."""
     train, progress = run.config.train, run.progress
     window = _Window(run)
     with closing(Steps(run)) as steps:
         while True:
-            fraction, number = _agree(run, signals)
+            fraction, number, saving = _agree(run, signals, window)
             if fraction >= 1.0 or number:
-                return number
+                return fraction, number
             step = steps.next(fraction)
             window.add(step, _take_step(run, step, fraction))
             progress.step, progress.tokens = progress.step + 1, progress.tokens + step.seen
@@ -115,7 +117,7 @@ def _loop(run: Run, watch: Watch, signals: Signals) -> int:
                 watch.log("train", fraction, window.close(fraction))
             if fraction >= (progress.measured + 1) * train.evaluate_every:
                 _measure(run, watch, fraction)
-            if window.due_for_saving(train.save_minutes):
+            if saving:
                 _save_last(run)
 
 
@@ -218,15 +220,15 @@ def _set_rates(optimizer: Any, factor: float) -> None:
         group["lr"] = group["peak"] * factor
 
 
-def _agree(run: Run, signals: Signals) -> tuple[float, int]:
-    """How much of the budget is spent, and the signal received: the first process decides for all."""
+def _agree(run: Run, signals: Signals, window: _Window) -> tuple[float, int, bool]:
+    """How much of the budget is spent, the signal received, whether to save: the first process decides for all."""
     train, progress = run.config.train, run.progress
     by_steps = progress.step / train.steps if train.steps else 0.0
     by_clock = run.clock.seconds() / (60.0 * train.minutes) if train.minutes else 0.0
-    decision = [max(by_steps, by_clock), signals.received or 0]
+    decision = [max(by_steps, by_clock), signals.received or 0, window.due_for_saving(train.save_minutes)]
     if run.accelerator.num_processes > 1:
         broadcast_object_list(decision)
-    return float(decision[0]), int(decision[1])
+    return float(decision[0]), int(decision[1]), bool(decision[2])
 
 
 class _Window:
@@ -311,9 +313,8 @@ def _save_last(run: Run) -> None:
     run.accelerator.wait_for_everyone()
 
 
-def _finish(run: Run, watch: Watch) -> None:
-    """Measures the run's last weights and writes them."""
-    fraction, _ = _agree(run, Signals())
+def _finish(run: Run, watch: Watch, fraction: float) -> None:
+    """Writes the run's last weights, and measures them where the budget is spent."""
     _save_last(run)
     if fraction >= 1.0:
         _measure(run, watch, 1.0)
@@ -403,7 +404,9 @@ def _accelerator(trackers: Sequence[str], out: Path) -> Accelerator:
     missing = [name for name in trackers if name not in {str(kind.value) for kind in get_available_trackers()}]
     if missing:
         raise ModelError(f"no tracker `{missing[0]}` here\nhint: pip install 'strips-lm[trackers]'")
-    accelerator = Accelerator(log_with=list(trackers) or None, project_dir=str(out))
+    # Several processes without a GPU train on CPUs; untold, each would train a model of its own.
+    cpus = int(os.environ.get("WORLD_SIZE", "1")) > 1 and not torch.cuda.is_available()
+    accelerator = Accelerator(cpu=cpus, log_with=list(trackers) or None, project_dir=str(out))
     if accelerator.distributed_type not in {DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU}:
         kind = accelerator.distributed_type.value
         raise ModelError(f"{kind} is not supported: Muon needs whole matrices\nhint: launch data-parallel training")
