@@ -74,14 +74,14 @@ def test_a_run_that_selects_resumes_bit_for_bit(kind, folder, tmp_path, monkeypa
 
 
 def test_a_checkpoint_of_before_selection_goes_on(folder, tmp_path, monkeypatch):
-    train(config("lm-head", 6), folder, tmp_path / "whole", shown=False)
+    train(config("lm-head", 6, "train.select_from=1"), folder, tmp_path / "whole", shown=False)
     interrupt_at(3, monkeypatch)
-    train(config("lm-head", 6), folder, tmp_path / "old", shown=False)
+    train(config("lm-head", 6, "train.select_from=1"), folder, tmp_path / "old", shown=False)
     monkeypatch.undo()
     file = tmp_path / "old" / "last" / "trainer.json"
     stood = json.loads(file.read_text())
     assert stood.pop("drawn") == 3
     file.write_text(json.dumps(stood))
-    assert train(config("lm-head", 6), folder, tmp_path / "old", resumed=True, shown=False) == 0
+    assert train(config("lm-head", 6, "train.select_from=1"), folder, tmp_path / "old", resumed=True, shown=False) == 0
     whole, pieced = weights(tmp_path / "whole"), weights(tmp_path / "old")
     assert all(torch.equal(whole[name], pieced[name]) for name in whole)

@@ -15,6 +15,8 @@ __all__ = [
     "Completion",
     "DataError",
     "Domain",
+    "Gpt2Rows",
+    "Gpt2Weights",
     "Judge",
     "Judgement",
     "Legend",

@@ -6,7 +6,7 @@ gives up the interpreter's lock. Logits of a row do not depend on what is beside
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import torch
 
@@ -17,7 +17,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor, nn
 
-ACTIVATIONS = {"gelu_new": "gelu_new", "gelu_pytorch_tanh": "gelu_new", "relu": "relu", "relu2": "relu2"}
+ACTIVATIONS: dict[str, Literal["gelu_new", "relu", "relu2"]] = {
+    "gelu_new": "gelu_new",
+    "gelu_pytorch_tanh": "gelu_new",
+    "relu": "relu",
+    "relu2": "relu2",
+}
 """Of transformers' names of activations those that there are, and what they are called."""
 
 WIDEST = 512
