@@ -257,6 +257,13 @@ def test_an_lstm_can_be_guided_too(questions: Questions, decode: str) -> None:
     assert any(completion.finished for completion in made.completions)
 
 
+@pytest.mark.parametrize("decode", ["greedy", "sample", "beam", "replan"])
+def test_an_lstm_writes_by_itself_too(questions: Questions, decode: str) -> None:
+    found = Planner(untrained_lstm(), tokenizer(), RunConfig.load(None, [*KEYS, "generate.max_new=20"]).generate)
+    made = found.complete(questions.prompts, decode)
+    assert all(0 < completion.tokens <= 20 or decode == "replan" for completion in made.completions)
+
+
 @pytest.mark.parametrize("decode", ["search", "search-replan"])
 @pytest.mark.parametrize("layout", ["difference", "report"])
 def test_search_with_calls_enough_solves_everything(questions: Questions, layout: Any, decode: str) -> None:
