@@ -21,7 +21,6 @@ from strips_lm.config.names import suggestion
 from strips_lm.decode import Generation, Greedy, Job, Limits, Loop, Sample, run_jobs
 from strips_lm.decode.beam import beam_search
 from strips_lm.decode.decoders import decoders_of
-from strips_lm.decode.gpt2_cpu import ROWS, fits
 from strips_lm.decode.loop import pad
 from strips_lm.decode.masked import MaskedLoop
 from strips_lm.decode.search import Budget, SearchLoop
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from strips_lm._native import Domain
     from strips_lm.config import GenerateConfig
     from strips_lm.decode import Decoder
+    from strips_lm.decode.decoders import Decoders
     from strips_lm.decode.masked import Listener
     from strips_lm.guide import Tasks
     from strips_lm.tokenizer import PlanTokenizer
@@ -336,7 +336,7 @@ class Planner:
         return [Job(i, draw, row) for i, row in enumerate(ids) for draw in range(draws)]
 
     @cached_property
-    def _decoders(self) -> Callable[[int], Decoder]:
+    def _decoders(self) -> Decoders:
         return decoders_of(self.model)
 
     def _decoder(self, rows: int) -> Decoder:
@@ -344,8 +344,7 @@ class Planner:
 
     def _stepping(self) -> Decoder:
         """A decoder for texts that grow by a token at a time."""
-        rows = self.config.rows
-        return self._decoder(min(rows, ROWS) if fits(self.model) else rows)
+        return self._decoder(min(self.config.rows, self._decoders.most_stepping))
 
     def _texts(self, ids: Sequence[Any], legends: Sequence[Any], made: Sequence[Generation]) -> list[Completion]:
         texts = self.tokenizer.decode_completions(ids, [g.tokens for g in made], legends)

@@ -2,8 +2,8 @@
 
 What is left is a record's reducible loss (Mindermann et al. 2022): its loss less what no model could save. Others
 estimate the latter by a second model; here the oracle knows it, as the logarithm of the number of plans that the
-record's plan was drawn from. Reading a record costs a quarter to a third of training on it, and late in a run a few
-records in a hundred hold most of what is left. Scores are of records as they are dressed for this very step, by the
+record's plan was drawn from. Reading a record costs a quarter to two fifths of training on it, and late in a run a
+few records in a hundred hold most of what is left. Scores are of records as they are dressed for this very step, by the
 weights of now.
 """
 

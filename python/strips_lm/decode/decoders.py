@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +18,23 @@ if TYPE_CHECKING:
     from strips_lm.decode.loop import Decoder
 
 
-def decoders_of(model: Any) -> Callable[[int], Decoder]:
-    """What makes decoders of so many rows for a model as it is now."""
+@dataclass(frozen=True, slots=True)
+class Decoders:
+    """Makes decoders for one model."""
+
+    make: Callable[[int], Decoder]
+    most_stepping: int = sys.maxsize
+    """More rows than this are slower where each is given a token at a time."""
+
+    def __call__(self, rows: int) -> Decoder:
+        """A decoder of so many rows."""
+        return self.make(rows)
+
+
+def decoders_of(model: Any) -> Decoders:
+    """What makes decoders for a model as it is now."""
     if isinstance(model, LstmLMHeadModel):
-        return partial(LstmDecoder, model)
+        return Decoders(partial(LstmDecoder, model))
     if gpt2_cpu.fits(model):
-        return partial(gpt2_cpu.Gpt2CpuDecoder, gpt2_cpu.pack(model))
-    return partial(Gpt2Decoder, model)
+        return Decoders(partial(gpt2_cpu.Gpt2CpuDecoder, gpt2_cpu.pack(model)), gpt2_cpu.ROWS)
+    return Decoders(partial(Gpt2Decoder, model))
