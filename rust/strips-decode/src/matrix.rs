@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::pointwise::Activation;
-use crate::sheet::{FEW_COLUMNS, Floats, MANY_COLUMNS, Machine, Sheet, zeros};
+use crate::sheet::{FEW_COLUMNS, Floats, MANY_COLUMNS, Machine, Sheet, has_many_registers, zeros};
 
 /// A linear layer: weights in panels of a few outputs each, in a panel input after input.
 #[derive(Debug)]
@@ -77,7 +77,7 @@ impl WithSimd for Product<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        if S::REGISTER_COUNT >= 32 {
+        if has_many_registers::<S>() {
             self.panels::<S, MANY_COLUMNS>(simd);
         } else {
             self.panels::<S, FEW_COLUMNS>(simd);

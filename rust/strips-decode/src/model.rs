@@ -119,6 +119,12 @@ struct Row {
     caches: Vec<Cache>,
 }
 
+impl Row {
+    fn empty(layers: usize) -> Self {
+        Self { length: 0, caches: vec![Cache::new(); layers] }
+    }
+}
+
 /// Rows of text, each as long as it is.
 #[derive(Debug)]
 pub struct Decoder {
@@ -130,8 +136,7 @@ impl Decoder {
     /// So many empty rows.
     pub fn new(model: Arc<Model>, rows: usize) -> Self {
         let layers = model.layers.len();
-        let empty = || Arc::new(Row { length: 0, caches: vec![Cache::new(); layers] });
-        Self { model, rows: (0..rows).map(|_| empty()).collect() }
+        Self { model, rows: (0..rows).map(|_| Arc::new(Row::empty(layers))).collect() }
     }
 
     /// Tokens in a row.
@@ -151,17 +156,12 @@ impl Decoder {
 
     /// Forgets the tokens of a row but the first `count`.
     pub fn rewind(&mut self, row: usize, count: usize) {
-        match Arc::get_mut(&mut self.rows[row]) {
-            Some(own) => own.length = own.length.min(count),
-            None if count == 0 => {
-                let layers = self.model.layers.len();
-                self.rows[row] = Arc::new(Row { length: 0, caches: vec![Cache::new(); layers] });
-            }
-            None => {
-                let own = Arc::make_mut(&mut self.rows[row]);
-                own.length = own.length.min(count);
-            }
+        let row = &mut self.rows[row];
+        if count == 0 && Arc::get_mut(row).is_none() {
+            *row = Arc::new(Row::empty(self.model.layers.len()));
         }
+        let own = Arc::make_mut(row);
+        own.length = own.length.min(count);
     }
 
     /// Copies rows over rows, all at once: what is copied is what was there before. A copy costs nothing until one of the

@@ -27,6 +27,11 @@ pub const MANY_COLUMNS: usize = 8;
 /// Outputs of a product at once where there are 16 registers: 12 sums, 2 inputs, 1 weight.
 pub const FEW_COLUMNS: usize = 6;
 
+/// Whether there are registers for [`MANY_COLUMNS`].
+pub const fn has_many_registers<S: Simd>() -> bool {
+    S::REGISTER_COUNT >= 32
+}
+
 impl Machine {
     /// Of this machine.
     pub fn here() -> Self {
@@ -36,7 +41,7 @@ impl Machine {
 
             #[inline(always)]
             fn with_simd<S: Simd>(self, _: S) -> Machine {
-                let columns = if S::REGISTER_COUNT >= 32 { MANY_COLUMNS } else { FEW_COLUMNS };
+                let columns = if has_many_registers::<S>() { MANY_COLUMNS } else { FEW_COLUMNS };
                 Machine { lanes: S::F32_LANES, columns }
             }
         }
