@@ -14,7 +14,7 @@ pytest.importorskip("matplotlib")
 from browser import Browser
 from fixture_results import PLAN, made_up_results
 from strips_lm.cli import main
-from strips_lm.report import page
+from strips_lm.report import charts, page
 from strips_lm.report.graph import StateGraph, draw, walk
 
 if TYPE_CHECKING:
@@ -101,6 +101,15 @@ def test_drawings_share_no_id_and_no_fixed_colour(html: str) -> None:
     assert len(ids) == len(set(ids))
     assert "var(--ink)" in html
     assert not re.search(r"#0000[0-9a-f]{2}\b", html)
+
+
+def test_more_series_than_colours_are_told_apart_by_shape() -> None:
+    def shapes(count: int) -> int:
+        series = {f"way {i}": [charts.Share(50.0, 40.0, 60.0)] for i in range(count)}
+        drawn = charts.shares(["suite"], series, "% valid", "title")
+        return len(set(re.findall(r'<path id="[^"]+" d="([^"]+)"', drawn)))
+
+    assert shapes(9) == shapes(8) + 1
 
 
 def test_the_same_results_give_the_same_page(tmp_path: Path) -> None:

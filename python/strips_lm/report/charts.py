@@ -34,6 +34,8 @@ COLOURS = {
 INK, FAINT, LINE, PANEL = "#000001", "#000002", "#000003", "#000004"
 SERIES = [f"#0000{n:02x}" for n in range(16, 24)]
 """Eight colours for eight series."""
+MARKERS = "oD^s"
+"""A shape for each eight series: of the first eight, of the next, and so on."""
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -82,7 +84,7 @@ class Curve:
 
 
 def shares(groups: Sequence[str], series: dict[str, list[Share | None]], label: str, title: str) -> str:
-    """A dot with its interval for each series in each group: one band a group, one colour a series."""
+    """A dot with its interval for each series in each group: one band a group, one look a series."""
 
     def draw(width: float) -> str:
         step = 0.72 / max(len(series), 1)
@@ -90,7 +92,8 @@ def shares(groups: Sequence[str], series: dict[str, list[Share | None]], label: 
             for group in range(0, len(groups), 2):
                 axes.axhspan(group - 0.5, group + 0.5, color=PANEL, lw=0, zorder=0)
             for index, (name, values) in enumerate(series.items()):
-                _dots(axes, (index - (len(series) - 1) / 2) * step, SERIES[index % len(SERIES)], name, values)
+                look = SERIES[index % len(SERIES)], MARKERS[index // len(SERIES) % len(MARKERS)]
+                _dots(axes, (index - (len(series) - 1) / 2) * step, look, name, values)
             _group_names(axes, groups, width)
             axes.set(xlim=(-2, 102), xlabel=label)
             _legend(figure, axes, width)
@@ -99,14 +102,15 @@ def shares(groups: Sequence[str], series: dict[str, list[Share | None]], label: 
     return _both(draw)
 
 
-def _dots(axes: Any, offset: float, colour: str, name: str, values: list[Share | None]) -> None:
+def _dots(axes: Any, offset: float, look: tuple[str, str], name: str, values: list[Share | None]) -> None:
     found = [(group + offset, share) for group, share in enumerate(values) if share is not None]
     at, middles = [y for y, _ in found], [share.value for _, share in found]
     errors = [
         [max(0.0, share.value - share.low) for _, share in found],
         [max(0.0, share.high - share.value) for _, share in found],
     ]
-    style = {"fmt": "o", "ms": 5, "capsize": 0, "elinewidth": 1.8, "zorder": 3}
+    colour, marker = look
+    style = {"fmt": marker, "ms": 5, "capsize": 0, "elinewidth": 1.8, "zorder": 3}
     axes.errorbar(middles, at, xerr=errors, color=colour, ecolor=colour, label=name, **style)
 
 
