@@ -10,7 +10,7 @@ from torch.nn import functional as F
 from torch.nn.attention import varlen
 from transformers import GPT2DoubleHeadsModel, GPT2LMHeadModel
 
-from strips_lm import forward
+from strips_lm import attention
 from strips_lm.batches import Row, collate
 from strips_lm.loss import batch_losses, weighted
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
@@ -154,7 +154,7 @@ def test_rows_of_any_length_attend_as_padded_ones(monkeypatch):
     grads = []
     for spread in (math.inf, 0.0):
         if spread == 0.0:
-            monkeypatch.setattr(forward, "attends_unpadded", lambda *_: True)
+            monkeypatch.setattr(attention, "kernel", lambda *_: "flash")
             monkeypatch.setattr(varlen, "varlen_attn", attend_row_by_row)
         batch = batch_of(pairs, spread=spread)
         model.zero_grad()

@@ -32,6 +32,8 @@ __all__ = [
     "Task",
     "Verdict",
     "__version__",
+    "attend",
+    "attend_back",
     "judge",
     "parse_completions",
     "render_prompt",
@@ -710,3 +712,39 @@ class MaskedDecoder:
     def remove(self, rows: Sequence[int]) -> None:
         """Forgets rows; their numbers are not given again."""
     def __len__(self) -> int: ...
+
+@overload
+def attend(
+    parts: NDArray[np.float32], bounds: NDArray[np.int64], *, heads: int, scale: float, threads: int = 1
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Causal self-attention within rows, and the logarithms of the softmaxes' denominators, (tokens, heads).
+
+    `parts` is (tokens, 3 * width): query, key and value of each token, head after head in each; the answer is (tokens,
+    width). A row begins at each of `bounds` and ends at the next; tokens outside of all rows get zeros. Numbers are
+    float32, or bfloat16 as unsigned integers of 16 bits. The work is shared among `threads`.
+
+    Raises:
+        ValueError: shapes or bounds that do not fit each other, or an array that is not contiguous.
+    """
+
+@overload
+def attend(
+    parts: NDArray[np.uint16], bounds: NDArray[np.int64], *, heads: int, scale: float, threads: int = 1
+) -> tuple[NDArray[np.uint16], NDArray[np.float32]]: ...
+def attend_back(
+    parts: NDArray[np.float32] | NDArray[np.uint16],
+    grads: NDArray[np.float32] | NDArray[np.uint16],
+    normalisers: NDArray[np.float32],
+    bounds: NDArray[np.int64],
+    *,
+    heads: int,
+    scale: float,
+    threads: int = 1,
+) -> NDArray[np.float32] | NDArray[np.uint16]:
+    """The gradient of `attend`'s `parts`, in their shape and type.
+
+    `grads` (tokens, width) is that of its first answer, in the type of `parts`; `normalisers` is its second answer.
+
+    Raises:
+        ValueError: shapes, types or bounds that do not fit each other, or an array that is not contiguous.
+    """

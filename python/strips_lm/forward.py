@@ -4,17 +4,14 @@ It computes what `GPT2Model` computes (a test holds the two equal in float64), w
 two CPU cores and on a GPU:
 
 - weights and activations are cast to the compute type once a pass, instead of op by op under autocast;
-- on a CPU attention runs in float32 whatever the layers run in: SDPA's fused kernel takes half to a quarter of the time
-  of spelled-out attention on rows of 450 to 1,000 tokens and no more on short ones; its bfloat16 backward is slow. On
-  a GPU in bfloat16 it is one call of flash attention for rows of any length, so that nothing is padded;
+- attention takes rows of any length, one behind the other, so that nothing is padded (`strips_lm.attention`);
 - after the last layer's attention only the positions that a loss reads go on: the rest of the layer, the final norm
   and the head never see prompts.
 
-Rows are padded on the right, so that causal attention needs no mask besides the triangle. Rows of unlike length come
-as several blocks, one behind the other: attention sees a block at a time, everything else all tokens at once. Each
-block is padded to its own longest row alone, and all tokens together to a multiple of `GRAIN`. What a layer does on
-either side of attention is two functions of (tokens, width), which `torch.compile` may take: they see one varying size,
-whatever the blocks are. It knows nothing of losses, batches or devices.
+Rows come as blocks of one length, one behind the other; where they are padded, it is on the right, so that causal
+attention needs no mask besides the triangle. All tokens together are padded to a multiple of `GRAIN`. What a layer
+does on either side of attention is two functions of (tokens, width), which `torch.compile` may take: they see one
+varying size, whatever the blocks are. It knows nothing of losses, batches or devices.
 
 Rejected: computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter
 of the linear work and loses as much in attention over the longer rows.
@@ -24,11 +21,13 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from torch.nn import functional as F
 from transformers.activations import ACT2FN
+
+from strips_lm.attention import Rows, attend, kernel
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -66,7 +65,7 @@ def hidden_at(
     sides = compiled_sides() if compiled and torch.is_grad_enabled() else Sides(_before, _after)
     rows = Rows.of(transformer, hidden, blocks)
     for index, block in enumerate(transformer.h):
-        attended = _attend(block.attn, sides.before(block, hidden), rows)
+        attended = attend(block.attn, sides.before(block, hidden), rows)
         if index == last:
             attended, hidden = attended[at], hidden[at]
         hidden = sides.after(block, hidden, attended)
@@ -78,43 +77,15 @@ def rounded(rows: Tensor) -> Tensor:
     return F.pad(rows, (0, 0, 0, -len(rows) % GRAIN))
 
 
-class Rows(NamedTuple):
-    """Which of the flat tokens attend to each other."""
-
-    blocks: Blocks
-    """(rows, length) of each table."""
-    bounds: Tensor | None
-    """Where each row begins, and the last one ends, for a kernel that takes rows of any length; none without one."""
-    longest: int
-
-    @classmethod
-    def of(cls, transformer: Any, hidden: Tensor, blocks: Blocks) -> Rows:
-        """The rows of `blocks` among the tokens of `hidden`; those behind the last row are one more row."""
-        longest = max(length for _, length in blocks)
-        dropout = transformer.config.attn_pdrop if transformer.training else 0.0
-        if not attends_unpadded(hidden.device, hidden.dtype, dropout):
-            return cls(blocks, None, longest)
-        lengths = [length for rows, length in blocks for _ in range(rows)]
-        behind = len(hidden) - sum(lengths)
-        bounds = torch.tensor([0, *lengths, *[behind] * (behind > 0)]).cumsum(0, dtype=torch.int32)
-        return cls(blocks, bounds.to(hidden.device), max(longest, behind))
-
-
-def attends_unpadded(device: torch.device, dtype: torch.dtype, dropout: float) -> bool:
-    """Whether attention runs on rows of any length at once: flash attention, in half precision and without dropout."""
-    if device.type != "cuda" or dropout or dtype not in {torch.bfloat16, torch.float16}:
-        return False
-    return torch.cuda.get_device_capability(device) >= (8, 0)
-
-
 def best_spread(device: torch.device, dtype: torch.dtype, dropout: float) -> float:
     """How unlike in length, as a share, the rows of a block should be for training to be quick.
 
-    Small blocks spare a CPU the padding. A GPU prefers one large table, unless it attends to rows of any length.
+    Where attention takes rows of any length, nothing is padded. Else small blocks spare a CPU the padding, and a GPU
+    prefers one large table.
     """
-    if device.type == "cpu":
-        return 0.1
-    return 0.0 if attends_unpadded(device, dtype, dropout) else math.inf
+    if kernel(device, dtype, dropout) != "blocks":
+        return 0.0
+    return 0.1 if device.type == "cpu" else math.inf
 
 
 class Sides(NamedTuple):
@@ -143,47 +114,6 @@ def _after(block: Any, hidden: Tensor, attended: Tensor) -> Tensor:
 
 def _embed(transformer: Any, input_ids: Tensor, position_ids: Tensor) -> Tensor:
     return _drop(transformer.wte(input_ids) + transformer.wpe(position_ids), transformer.drop)
-
-
-def _attend(attention: Any, parts: Tensor, rows: Rows) -> Tensor:
-    """Causal self-attention of (tokens, 3 * width), row by row, before the output projection."""
-    if rows.bounds is None:
-        return _attend_blocks(attention, parts, rows.blocks)
-    return _attend_rows(attention, parts, rows.bounds, rows.longest)
-
-
-def _attend_rows(attention: Any, parts: Tensor, bounds: Tensor, longest: int) -> Tensor:
-    """Attention within rows of any length, one behind the other, in one call of flash attention."""
-    from torch.nn.attention.varlen import varlen_attn  # noqa: PLC0415  (a second to import, on a GPU alone)
-
-    query, key, value = parts.view(len(parts), 3, attention.num_heads, -1).unbind(1)
-    mixed = varlen_attn(
-        query, key, value, bounds, bounds, longest, longest, scale=attention.scaling, window_size=(-1, 0)
-    )
-    return cast("Tensor", mixed).flatten(1)
-
-
-def _attend_blocks(attention: Any, parts: Tensor, blocks: Blocks) -> Tensor:
-    """Attention block by block. Rows behind the last block are no tokens: they only keep their place."""
-    dtype = parts.dtype
-    if parts.device.type == "cpu" and dtype == torch.bfloat16:
-        parts = parts.float()
-    sizes = [rows * length for rows, length in blocks]
-    *pieces, behind = torch.split(parts, [*sizes, len(parts) - sum(sizes)])
-    mixed = [_attend_block(attention, piece, *block) for piece, block in zip(pieces, blocks, strict=True)]
-    return torch.cat([*mixed, behind[:, : mixed[0].shape[1]]]).to(dtype)
-
-
-def _attend_block(attention: Any, parts: Tensor, rows: int, length: int) -> Tensor:
-    """Attention within one block: query, key and value (rows * length, 3 * width) to (rows * length, width)."""
-    width = parts.shape[1] // 3
-    heads = attention.num_heads
-    query, key, value = parts.view(rows, length, 3, heads, width // heads).permute(2, 0, 3, 1, 4)
-    dropout = attention.attn_dropout.p if attention.training else 0.0
-    mixed = F.scaled_dot_product_attention(
-        query, key, value, dropout_p=dropout, is_causal=True, scale=attention.scaling
-    )
-    return mixed.transpose(1, 2).reshape(rows * length, width)
 
 
 def _feed(mlp: Any, hidden: Tensor) -> Tensor:

@@ -18,5 +18,7 @@ mod matrix;
 mod model;
 mod pointwise;
 mod sheet;
+mod training;
 
 pub use model::{Activation, Affine, Block, Decoder, Model, Norm, Shape};
+pub use training::{Number, Rows, attend, attend_back};

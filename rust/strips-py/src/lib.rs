@@ -4,6 +4,7 @@
 
 #![allow(clippy::needless_pass_by_value, reason = "the interpreter hands arguments over by value")]
 
+mod attention;
 mod automaton;
 mod error;
 mod gpt2;
@@ -27,6 +28,8 @@ mod _native {
     use pyo3::prelude::*;
     use strips_core::validate::Outcome;
 
+    #[pymodule_export]
+    use crate::attention::{attend, attend_back};
     #[pymodule_export]
     use crate::automaton::MaskedDecoder;
     #[pymodule_export]
