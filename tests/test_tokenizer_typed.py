@@ -107,15 +107,20 @@ def test_a_slot_that_is_no_object_s_names_none(tokenizer: TypedTokenizer) -> Non
 def test_slots_are_renumbered_within_their_type() -> None:
     first, rng = ((10, 4), (14, 3), (17, 5)), np.random.default_rng(0)
     parts = [np.array([1, 10, 14, 15, 2]), np.array([15, 3])]
-    seen = set()
+    others = [np.array([20, 1]), np.array([], dtype=np.int64), np.array([17, 17, 30])]
+    seen, beside = set(), set()
     for _ in range(300):
-        (one, two) = _renumber(parts, first, rng)
+        ((one, two), (three, none, four)) = _renumber([parts, others], first, rng)
+        assert (three[1], four[2], len(none)) == (1, 30, 0)
+        assert 17 <= four[0] == four[1] < three[0] < 22
+        beside.add((int(four[0]), int(three[0])))
         assert (one[0], one[4], two[1]) == (1, 2, 3)
         assert 10 <= one[1] < 14 <= one[2] < one[3] < 17
         assert two[0] == one[3]
         seen.add((int(one[1]), int(one[2]), int(one[3])))
     assert {a for a, *_ in seen} == {10, 11, 12, 13}
     assert {(b, c) for _, b, c in seen} == {(14, 15), (14, 16), (15, 16)}
+    assert beside == {(17, 20), (17, 21), (18, 21)}
 
 
 def test_under_the_mask_the_automaton_of_plain_words_is_followed(questions: Questions) -> None:  # noqa: F811

@@ -11,7 +11,8 @@ import pytest
 import blocks_data
 from test_train import config
 
-SETTINGS = ("model.dropout=0.0", "train.precision=float32", "train.optimizer=adam")
+SETTINGS = ("model.dropout=0.0", "train.precision=float32")
+ADAM = "train.optimizer=adam"
 
 
 def start(data, out, run, rank, world, port):
@@ -24,7 +25,11 @@ def start(data, out, run, rank, world, port):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("more", [(), ("train.select_from=3", "train.batch_tokens=300")], ids=["all", "selected"])
+@pytest.mark.parametrize(
+    "more",
+    [(ADAM,), ("train.optimizer=muon", "model.layers=3"), (ADAM, "train.select_from=3", "train.batch_tokens=300")],
+    ids=["all", "muon", "selected"],
+)
 def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
     data = blocks_data.write(tmp_path / "data")
     run = tmp_path / "given.toml"

@@ -224,13 +224,16 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
     offsets[rng.random(len(records)) >= dress.offset_share] = 0
     paired = rng.random(len(records)) < dress.mc_share
     renumbered = rng.random(len(records)) < dress.renumber_share
+    if data.spelling is not None:
+        dressed = [_name(data, data.spelling, record, dress, rng) for record in records]
+    else:
+        dressed = [data.parts(record) for record in records]
+        places = np.flatnonzero(renumbered)
+        if data.slots and len(places):
+            for place, parts in zip(places, _renumber([dressed[i] for i in places], data.slots, rng), strict=True):
+                dressed[place] = parts
     groups: list[Group] = []
-    for record, offset, pair, renumber in zip(records, offsets, paired, renumbered, strict=True):
-        parts = data.parts(record)
-        if data.spelling is not None:
-            parts = _name(data, data.spelling, record, dress, rng)
-        elif renumber and data.slots:
-            parts = _renumber(parts, data.slots, rng)
+    for parts, offset, pair in zip(dressed, offsets, paired, strict=True):
         positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
         groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))) if pair else (positive,))
     return groups
@@ -248,27 +251,39 @@ def _name(
 
 
 def _renumber(
-    parts: list[NDArray[np.integer]], slots: Sequence[tuple[int, int]], rng: np.random.Generator
-) -> list[NDArray[np.integer]]:
-    """Maps the slots in use to random increasing slots of their block: one time in two to any, else to near ones."""
-    seen = np.unique(np.concatenate(parts))
-    found = [(first, count, _used(seen, first, count)) for first, count in slots]
-    found = [block for block in found if block[2]]
-    if not found:
-        return parts
-    wide = bool(rng.integers(2))
+    records: Sequence[Sequence[NDArray[np.integer]]], slots: Sequence[tuple[int, int]], rng: np.random.Generator
+) -> list[list[NDArray[np.integer]]]:
+    """Maps each record's slots in use to random increasing slots of their block: one time in two any, else near."""
+    parts = [part for record in records for part in record]
+    flat = np.concatenate(parts)
+    lengths = np.array([sum(map(len, record)) for record in records])
+    owner = np.repeat(np.arange(len(records)), lengths)
+    table = np.tile(np.arange(max(int(flat.max()) + 1, *(first + count for first, count in slots))), (len(records), 1))
+    wide = rng.integers(2, size=len(records)) == 1
     spare = 4 if len(slots) == 1 else 2  # A block of one type holds fewer objects than one of all.
-    table = np.arange(max(int(seen[-1]) + 1, *(first + count for first, count, _ in found)))
-    for first, count, used in found:
-        reach = count if wide else min(count, used + spare)
-        table[first : first + used] = first + np.sort(rng.choice(reach, used, replace=False))
-    return [table[part] for part in parts]
+    for first, count in slots:
+        inside = np.where((flat >= first) & (flat < first + count), flat.astype(np.int64) - first + 1, 0)
+        used = np.maximum.reduceat(inside, np.cumsum(lengths) - lengths)
+        row, number, slot = _subsets(used, np.where(wide, count, np.minimum(count, used + spare)), count, rng)
+        table[row, first + number] = first + slot
+    cuts = np.cumsum([len(part) for part in parts])[:-1]
+    mapped = iter(np.split(table[owner, flat], cuts))
+    return [[next(mapped) for _ in record] for record in records]
 
 
-def _used(seen: NDArray[np.integer], first: int, count: int) -> int:
-    """One more than the last slot of a block among the tokens, which ascend."""
-    end = int(np.searchsorted(seen, first + count))
-    return max(0, int(seen[end - 1]) - first + 1) if end else 0
+def _subsets(
+    sizes: NDArray[np.int64], reaches: NDArray[np.int64], count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """For each row a random subset, of its size, of the numbers below its reach, which is at most `count`.
+
+    Returns each member's row, its place in its subset and itself, ascending.
+    """
+    keys = rng.random((len(sizes), count))
+    keys[np.arange(count) >= reaches[:, None]] = 2.0
+    last = np.take_along_axis(np.sort(keys, axis=1), np.maximum(sizes - 1, 0)[:, None], axis=1)
+    chosen = (keys <= last) & (sizes > 0)[:, None]
+    row, member = np.nonzero(chosen)
+    return row, (np.cumsum(chosen, axis=1) - 1)[row, member], member
 
 
 def cut_batches(groups: Sequence[Group], batch_tokens: int) -> list[list[Group]]:

@@ -4,6 +4,7 @@ Muon (Jordan et al. 2024) replaces a matrix's momentum by its nearest semi-ortho
 Newton-Schulz steps, so that every direction moves by the same amount. Matrices of one shape are stacked and
 orthogonalised together, and GPT-2's fused query-key-value matrix is taken apart first: each third is a map of its
 own. Embeddings, heads, norms and biases follow AdamW. State: one momentum a matrix, two moments for the rest.
+Several processes share the matrices out, and each hears from the others what they made of theirs.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, cast
 
 import torch
+from torch import distributed
 from torch.optim import Optimizer
 from torch.optim.adamw import adamw
 
@@ -52,22 +54,25 @@ class MuonAdamW(Optimizer):
         """Update every parameter that has a gradient."""
         if closure is not None:
             closure()
+        self._muon([group for group in self.param_groups if group["muon"]])
         for group in self.param_groups:
-            (self._muon if group["muon"] else self._adamw)(group)
+            if not group["muon"]:
+                self._adamw(group)
 
-    def _muon(self, group: dict[str, Any]) -> None:
-        by_shape: dict[tuple[int, ...], list[tuple[Tensor, Tensor]]] = {}
-        for parameter in group["params"]:
-            if parameter.grad is not None:
-                direction = self._nesterov(parameter, group["momentum"])
-                for target, part in zip(*(t.chunk(group["parts"], dim=1) for t in (parameter, direction)), strict=True):
-                    by_shape.setdefault(tuple(part.shape), []).append((target, part))
-        for (rows, columns), members in by_shape.items():
-            updates = orthogonalise(torch.stack([part for _, part in members]).to(_newton_type(members[0][0])))
-            scale = group["lr"] * max(1.0, columns / rows) ** 0.5
-            for (target, _), update in zip(members, updates, strict=True):
+    def _muon(self, groups: list[dict[str, Any]]) -> None:
+        by_shape: dict[tuple[int, ...], list[tuple[dict[str, Any], Tensor, Tensor]]] = {}
+        for group in groups:
+            for parameter in group["params"]:
+                if parameter.grad is not None:
+                    pair = parameter, self._nesterov(parameter, group["momentum"])
+                    for target, part in zip(*(t.chunk(group["parts"], dim=1) for t in pair), strict=True):
+                        by_shape.setdefault(tuple(part.shape), []).append((group, target, part))
+        made = _orthogonalised([[part for _, _, part in members] for members in by_shape.values()])
+        for ((rows, columns), members), updates in zip(by_shape.items(), made, strict=True):
+            for (group, target, _), update in zip(members, updates, strict=True):
                 if group["weight_decay"]:
                     target.mul_(1.0 - group["lr"] * group["weight_decay"])
+                scale = group["lr"] * max(1.0, columns / rows) ** 0.5
                 target.add_(update.to(target.dtype), alpha=-scale)
 
     def _nesterov(self, parameter: Tensor, momentum: float) -> Tensor:
@@ -126,6 +131,30 @@ class MuonAdamW(Optimizer):
             eps=group["eps"],
             maximize=False,
         )
+
+
+def _orthogonalised(stacks: list[list[Tensor]]) -> list[Tensor]:
+    """What is nearest to each matrix, a stack (count, rows, columns) for each list of matrices of one shape."""
+    world = distributed.get_world_size() if distributed.is_available() and distributed.is_initialized() else 1
+    rank = distributed.get_rank() if world > 1 else 0
+    own = []
+    for members in stacks:
+        # The last ones of a count that does not divide are given to all that would have none.
+        share = -(-len(members) // world)
+        mine = [members[min(index, len(members) - 1)] for index in range(rank * share, (rank + 1) * share)]
+        own.append(orthogonalise(torch.stack(mine).to(_newton_type(mine[0]))))
+    if world == 1 or not own:
+        return own
+    flat = torch.cat([updates.flatten() for updates in own])
+    heard = flat.new_empty(world, len(flat))
+    distributed.all_gather_into_tensor(heard.view(-1), flat)
+    made = []
+    start = 0
+    for members, updates in zip(stacks, own, strict=True):
+        parts = heard[:, start : start + updates.numel()].reshape(-1, *updates.shape[1:])
+        made.append(parts[: len(members)])
+        start += updates.numel()
+    return made
 
 
 def _newton_type(parameter: Tensor) -> torch.dtype:

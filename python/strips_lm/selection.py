@@ -44,12 +44,15 @@ class Selection:
         """(records) nats of each record's completion; every process reads its share and hears of the others'."""
         rank, world = self.accelerator.process_index, self.accelerator.num_processes
         found = np.zeros(len(groups))
+        training = self.objective.training
+        self.objective.eval()
         start = 0
         for cut in cut_batches(groups, self.plan.batch_tokens):
             mine = range(start + rank, start + len(cut), world)
             if mine:
                 found[mine] = self._read(cut[rank::world])
             start += len(cut)
+        self.objective.train(training)
         if world == 1:
             return found
         total = self.accelerator.reduce(torch.from_numpy(found).to(self.accelerator.device), "sum")
@@ -60,10 +63,7 @@ class Selection:
     def _read(self, groups: Sequence[Group]) -> NDArray[np.float64]:
         """(groups) the loss of each group's positive."""
         batch = share_batch(groups, self.data.pad, self.plan.spread).to(self.accelerator.device)
-        training = self.objective.training
-        self.objective.eval()
         losses = token_losses(self.objective.model, batch, self.objective.dtype).double().cpu().numpy()
-        self.objective.train(training)
         ends = np.cumsum([len(group[0].completion) for group in groups])
         summed: NDArray[np.float64] = np.add.reduceat(losses, np.concatenate(([0], ends[:-1])))
         return summed
