@@ -14,7 +14,7 @@ use super::{Outcome, Validator, Verdict};
 use crate::pddl::ast::Domain;
 use crate::pddl::{PddlError, Source, parse_problem};
 use crate::task::{LimitError, Limits, OperatorId, Task, ground};
-use crate::text::{Completion, TextAtom, parse_completion};
+use crate::text::{Completion, parse_completion};
 
 /// The judgement of one completion.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,9 +64,9 @@ pub fn judge<S: BuildHasher>(
     let steps: Vec<(&str, &[&str])> =
         completion.steps.iter().map(|step| (action(step.action.name), step.action.args.as_slice())).collect();
     let (operators, verdict) = run(validator, &steps);
-    let states: Vec<Option<Vec<TextAtom>>> = completion.steps.iter().map(|step| step.state.clone()).collect();
+    let states = completion.steps.iter().map(|step| step.state.as_deref());
     let predicate = |word: &str| words.get(word).and_then(|name| task.domain.predicate(name));
-    let trace = compare(task, validator.lookup(), &operators, &states, &predicate);
+    let trace = compare(task, validator.lookup(), &operators, states, &predicate);
     let verdict = completion.malformed.map_or(verdict, |malformed| {
         Verdict::wrong(Outcome::Syntax, format!("the text makes no sense from {malformed}"))
     });

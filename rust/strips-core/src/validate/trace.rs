@@ -26,22 +26,22 @@ pub struct Trace {
 /// after step `i`, if anything. States are whole (static atoms too, derived ones not); order and repetition in them do not
 /// matter.
 pub fn check_trace(task: &Task, operators: &[OperatorId], states: &[Option<Vec<TextAtom>>]) -> Trace {
-    compare(task, &Lookup::new(task), operators, states, &|_| None)
+    compare(task, &Lookup::new(task), operators, states.iter().map(Option::as_deref), &|_| None)
 }
 
 /// The predicate of a word that is no predicate's name, where there is one.
 pub(super) type PredicateWords<'w> = dyn Fn(&str) -> Option<PredicateId> + 'w;
 
-pub(super) fn compare(
+pub(super) fn compare<'s, 't: 's>(
     task: &Task,
     lookup: &Lookup,
     operators: &[OperatorId],
-    states: &[Option<Vec<TextAtom>>],
+    states: impl Iterator<Item = Option<&'s [TextAtom<'t>]>>,
     words: &PredicateWords<'_>,
 ) -> Trace {
     let mut trace = Trace::default();
     let mut state = task.init.clone();
-    for (step, said) in states.iter().enumerate() {
+    for (step, said) in states.enumerate() {
         let operator = operators.get(step).map(|id| &task.operators[id.index()]);
         if let Some(operator) = operator {
             state = task.apply(operator, &state);
@@ -49,6 +49,10 @@ pub(super) fn compare(
         let Some(said) = said else { continue };
         trace.states += 1;
         let truth = if operator.is_some() { task.atoms_by_reference(&state) } else { Vec::new() };
+        if operator.is_some() && is_rendered(task, &truth, said) {
+            trace.right += 1;
+            continue;
+        }
         let difference = Difference::of(task, &|atom| resolve(task, lookup, atom, words), &truth, said);
         if operator.is_some() && difference.is_none() {
             trace.right += 1;
@@ -60,6 +64,15 @@ pub(super) fn compare(
         }
     }
     trace
+}
+
+/// Whether a state is said as it is rendered in the domain's own words: then nothing needs to be looked up.
+fn is_rendered(task: &Task, truth: &[&GroundAtom], said: &[TextAtom]) -> bool {
+    let same = |atom: &GroundAtom, said: &TextAtom| {
+        let names = atom.args.iter().map(|id| task.problem.objects[id.index()].name.as_str());
+        task.domain.predicates[atom.predicate.index()].name == said.name && names.eq(said.args.iter().copied())
+    };
+    truth.len() == said.len() && truth.iter().zip(said).all(|(atom, said)| same(atom, said))
 }
 
 struct Difference {
