@@ -7,6 +7,8 @@
 //! rows beside it, and not on how the row was cut into calls.
 //!
 //! It knows token ids and weights; no text, no choice of tokens, no planning.
+//!
+//! Training has its layers from elsewhere and only its attention from here: [`attend`] and [`attend_back`].
 
 #![allow(
     clippy::inline_always,
