@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,11 @@ def fused(parts: torch.Tensor, rows: int, heads: int) -> torch.Tensor:
     return mixed.transpose(1, 2).reshape(len(parts), -1).to(parts.dtype)
 
 
+def both(way: Callable[[], torch.Tensor], grads: torch.Tensor) -> None:
+    """Forward and backward."""
+    way().backward(grads)
+
+
 def milliseconds(work: Callable[[], object], rounds: int) -> float:
     """The least of some rounds."""
     times = []
@@ -53,17 +59,13 @@ def main() -> None:
         of = SimpleNamespace(config=SimpleNamespace(attn_pdrop=0.0), training=False)
         parts = torch.randn(rows * length, 3 * heads * size).bfloat16().requires_grad_()
         grads = torch.randn(rows * length, heads * size).bfloat16()
-        ways = {
-            "pytorch": lambda parts=parts, rows=rows, heads=heads: fused(parts, rows, heads),
-            "ours": lambda parts=parts, layer=layer, laid=Rows.of(of, parts, [(rows, length)]): attend(
-                layer, parts, laid
-            ),
-        }
+        laid = Rows.of(of, parts, [(rows, length)])
+        ways = {"pytorch": partial(fused, parts, rows, heads), "ours": partial(attend, layer, parts, laid)}
         line: dict[str, object] = {"rows": rows, "length": length, "heads": heads, "size": size}
         for name, way in ways.items():
             with torch.no_grad():
                 line[f"{name}_forward_ms"] = milliseconds(way, args.rounds)
-            line[f"{name}_both_ms"] = milliseconds(lambda way=way: way().backward(grads), args.rounds)
+            line[f"{name}_both_ms"] = milliseconds(partial(both, way, grads), args.rounds)
         line["ratio_both"] = line["pytorch_both_ms"] / line["ours_both_ms"]
         print(json.dumps(line), flush=True)
 
