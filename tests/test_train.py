@@ -113,7 +113,7 @@ def poison_at(step, value, monkeypatch):
 
     def poison(run, built, fraction):
         if run.progress.step == step - 1:
-            next(run.model.parameters()).data.fill_(value)
+            next(run.whole_model().parameters()).data.fill_(value)
         return take(run, built, fraction)
 
     monkeypatch.setattr(loop, "_take_step", poison)

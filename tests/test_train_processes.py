@@ -7,6 +7,8 @@ import subprocess
 import sys
 
 import pytest
+import torch
+from safetensors.torch import load_file
 
 import blocks_data
 from test_train import config
@@ -27,8 +29,14 @@ def start(data, out, run, rank, world, port):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "more",
-    [(ADAM,), ("train.optimizer=muon", "model.layers=3"), (ADAM, "train.select_from=3", "train.batch_tokens=300")],
-    ids=["all", "muon", "selected"],
+    [
+        (ADAM,),
+        ("train.optimizer=muon", "model.layers=3"),
+        (ADAM, "train.select_from=3", "train.batch_tokens=300"),
+        (ADAM, "train.shard=true", "train.select_from=3", "train.batch_tokens=300"),
+        ("train.optimizer=muon", "train.shard=true", "model.layers=3"),
+    ],
+    ids=["all", "muon", "selected", "sharded-selected", "sharded-muon"],
 )
 def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
     data = blocks_data.write(tmp_path / "data")
@@ -49,3 +57,8 @@ def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
     for one, two in zip(*curves, strict=True):
         assert two["lm_loss"] == pytest.approx(one["lm_loss"], rel=2e-4)
         assert two.get("mc_loss") == pytest.approx(one.get("mc_loss"), rel=2e-4)
+    for name in ("model.safetensors", "optimizer.safetensors"):
+        one, two = (load_file(tmp_path / world / "last" / name) for world in ("1", "2"))
+        assert one.keys() == two.keys(), "whole tensors, however many processes trained"
+        for key, value in one.items():
+            torch.testing.assert_close(two[key], value, rtol=0, atol=5e-3, msg=key)

@@ -16,6 +16,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from strips_lm._native import DataError
+from strips_lm.sharding import share, whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,28 +67,32 @@ class Keeper:
         """Writes `best`: weights alone."""
         self._write("best", model, progress, None)
 
-    def save_last(self, model: PreTrainedModel, progress: Progress, optimizer: Optimizer) -> None:
-        """Writes `last`: weights and what a resumed run needs."""
-        self._write("last", model, progress, optimizer)
+    def save_last(self, model: PreTrainedModel, progress: Progress, state: dict[str, torch.Tensor]) -> None:
+        """Writes `last`: weights and what a resumed run needs, `state` being the optimiser's `flatten`."""
+        self._write("last", model, progress, state)
 
-    def _write(self, name: str, model: PreTrainedModel, progress: Progress, optimizer: Optimizer | None) -> None:
+    def _write(
+        self, name: str, model: PreTrainedModel, progress: Progress, state: dict[str, torch.Tensor] | None
+    ) -> None:
         partial = self.out / f".{name}.partial"
         shutil.rmtree(partial, ignore_errors=True)
         try:
             partial.mkdir(parents=True)
-            self._fill(partial, model, progress, optimizer)
+            self._fill(partial, model, progress, state)
         except (OSError, SafetensorError) as error:
             shutil.rmtree(partial, ignore_errors=True)
             raise CheckpointError(_not_written(self.out / name, error)) from error
         _swap(partial, self.out / name)
 
-    def _fill(self, folder: Path, model: PreTrainedModel, progress: Progress, optimizer: Optimizer | None) -> None:
+    def _fill(
+        self, folder: Path, model: PreTrainedModel, progress: Progress, state: dict[str, torch.Tensor] | None
+    ) -> None:
         model.save_pretrained(folder)
         self.tokenizer.save_pretrained(folder)
         self.config.save(folder / "run.toml")
         (folder / "README.md").write_text(model_card(self.config, progress, self.about), encoding="utf-8")
-        if optimizer is not None:
-            save_file(_flatten(optimizer), folder / OPTIMIZER)
+        if state is not None:
+            save_file(state, folder / OPTIMIZER)
             (folder / TRAINER).write_text(json.dumps(asdict(progress)) + "\n", encoding="utf-8")
 
 
@@ -130,26 +135,28 @@ def resume(folder: Path, model: PreTrainedModel, optimizer: Optimizer) -> Progre
         raise CheckpointError(f"{folder}: of another model: it lacks {min(missing)}")
     model.load_state_dict(weights, strict=False)
     model.tie_weights()
-    _unflatten(load_file(folder / OPTIMIZER), optimizer)
+    unflatten(load_file(folder / OPTIMIZER), optimizer)
     stood = json.loads((folder / TRAINER).read_text(encoding="utf-8"))
     return Progress(**{"drawn": stood["step"], **stood})
 
 
-def _flatten(optimizer: Optimizer) -> dict[str, torch.Tensor]:
-    """The optimiser's tensors, named by the parameter's number and their own name."""
+def flatten(optimizer: Optimizer) -> dict[str, torch.Tensor]:
+    """The optimiser's tensors, whole, named by the parameter's number and their own name."""
     flat = {}
     for number, parameter in enumerate(_parameters(optimizer)):
         for name, value in optimizer.state.get(parameter, {}).items():
-            flat[f"{number}.{name}"] = value.detach().clone().contiguous()
+            full = whole(value, parameter) if value.ndim else value
+            flat[f"{number}.{name}"] = full.detach().clone().contiguous()
     return flat
 
 
-def _unflatten(flat: dict[str, torch.Tensor], optimizer: Optimizer) -> None:
+def unflatten(flat: dict[str, torch.Tensor], optimizer: Optimizer) -> None:
+    """Puts back what `flatten` gave, into an optimiser of the same parameters, however they are shared out."""
     parameters = _parameters(optimizer)
     for key, value in flat.items():
         number, _, name = key.partition(".")
         parameter = parameters[int(number)]
-        optimizer.state[parameter][name] = value if value.ndim == 0 else value.to(parameter.device)
+        optimizer.state[parameter][name] = share(value.to(parameter.device), parameter) if value.ndim else value
 
 
 def _parameters(optimizer: Optimizer) -> list[torch.Tensor]:

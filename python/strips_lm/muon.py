@@ -17,6 +17,7 @@ from torch.optim import Optimizer
 from torch.optim.adamw import adamw
 
 from strips_lm.processor import multiplies_bfloat16
+from strips_lm.sharding import local, share, whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,26 +61,27 @@ class MuonAdamW(Optimizer):
                 self._adamw(group)
 
     def _muon(self, groups: list[dict[str, Any]]) -> None:
-        by_shape: dict[tuple[int, ...], list[tuple[dict[str, Any], Tensor, Tensor]]] = {}
+        by_shape: dict[tuple[int, ...], list[tuple[tuple[dict[str, Any], Tensor, int], Tensor]]] = {}
         for group in groups:
             for parameter in group["params"]:
                 if parameter.grad is not None:
-                    pair = parameter, self._nesterov(parameter, group["momentum"])
-                    for target, part in zip(*(t.chunk(group["parts"], dim=1) for t in pair), strict=True):
-                        by_shape.setdefault(tuple(part.shape), []).append((group, target, part))
-        made = _orthogonalised([[part for _, _, part in members] for members in by_shape.values()])
+                    direction = whole(self._nesterov(parameter, group["momentum"]), parameter)
+                    for index, part in enumerate(direction.chunk(group["parts"], dim=1)):
+                        by_shape.setdefault(tuple(part.shape), []).append(((group, parameter, index), part))
+        made = _orthogonalised([[part for _, part in members] for members in by_shape.values()])
         for ((rows, columns), members), updates in zip(by_shape.items(), made, strict=True):
-            for (group, target, _), update in zip(members, updates, strict=True):
+            for ((group, parameter, index), _), update in zip(members, updates, strict=True):
+                target = local(parameter).chunk(group["parts"], dim=1)[index]
                 if group["weight_decay"]:
                     target.mul_(1.0 - group["lr"] * group["weight_decay"])
                 scale = group["lr"] * max(1.0, columns / rows) ** 0.5
-                target.add_(update.to(target.dtype), alpha=-scale)
+                target.add_(share(update, parameter).to(target.dtype), alpha=-scale)
 
     def _nesterov(self, parameter: Tensor, momentum: float) -> Tensor:
         state = self.state[parameter]
         if not state:
-            state["momentum"] = torch.zeros_like(parameter)
-        grad = cast("Tensor", parameter.grad)
+            state["momentum"] = torch.zeros_like(local(parameter))
+        grad = local(cast("Tensor", parameter.grad))
         state["momentum"].lerp_(grad, 1.0 - momentum)
         return grad.lerp(state["momentum"], momentum)
 
@@ -96,12 +98,13 @@ class MuonAdamW(Optimizer):
         """Zero moments for AdamW's parameters that have none."""
         for parameter in parameters:
             if not self.state[parameter]:
-                zeros = {name: torch.zeros_like(parameter) for name in ("mean", "square")}
+                zeros = {name: torch.zeros_like(local(parameter)) for name in ("mean", "square")}
                 self.state[parameter].update(step=torch.zeros(()), **zeros)
 
     def _adamw_one(self, group: dict[str, Any], parameter: Tensor) -> None:
         first, second = group["betas"]
-        state, grad = self.state[parameter], cast("Tensor", parameter.grad)
+        state, grad = self.state[parameter], local(cast("Tensor", parameter.grad))
+        parameter = local(parameter)
         state["step"] += 1
         state["mean"].lerp_(grad, 1.0 - first)
         state["square"].mul_(second).addcmul_(grad, grad, value=1.0 - second)
@@ -116,8 +119,8 @@ class MuonAdamW(Optimizer):
         for state, parameter in zip(states, parameters, strict=True):
             state["step"] = state["step"].to(parameter.device)
         adamw(
-            parameters,
-            [cast("Tensor", parameter.grad) for parameter in parameters],
+            [local(parameter) for parameter in parameters],
+            [local(cast("Tensor", parameter.grad)) for parameter in parameters],
             [state["mean"] for state in states],
             [state["square"] for state in states],
             [],

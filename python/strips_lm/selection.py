@@ -16,6 +16,7 @@ import torch
 
 from strips_lm.batches import cut_batches, share_batch
 from strips_lm.loss import token_losses
+from strips_lm.sharding import gathered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,11 +48,12 @@ class Selection:
         training = self.objective.training
         self.objective.eval()
         start = 0
-        for cut in cut_batches(groups, self.plan.batch_tokens):
-            mine = range(start + rank, start + len(cut), world)
-            if mine:
-                found[mine] = self._read(cut[rank::world])
-            start += len(cut)
+        with gathered(self.objective):
+            for cut in cut_batches(groups, self.plan.batch_tokens):
+                mine = range(start + rank, start + len(cut), world)
+                if mine:
+                    found[mine] = self._read(cut[rank::world])
+                start += len(cut)
         self.objective.train(training)
         if world == 1:
             return found

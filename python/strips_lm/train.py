@@ -7,6 +7,7 @@ one in minutes the clock decides. A step's loss is a mean over the whole step, w
 
 from __future__ import annotations
 
+import copy
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -24,7 +25,7 @@ from accelerate.utils import DistributedType, broadcast_object_list
 from strips_lm import tokenizer as tokenizers
 from strips_lm._native import Domain
 from strips_lm.batches import Dress, Plan, build_step, walk
-from strips_lm.checkpoint import Keeper, Progress, last_checkpoint, resume
+from strips_lm.checkpoint import Keeper, Progress, flatten, last_checkpoint, resume, unflatten
 from strips_lm.dataset import DataSetError, entropy_floor, open_data, texts
 from strips_lm.folders import data_sets
 from strips_lm.forward import best_spread
@@ -34,6 +35,7 @@ from strips_lm.muon import make_optimizer
 from strips_lm.objective import Objective, measure, validation_step
 from strips_lm.own_negatives import with_negatives
 from strips_lm.selection import Selection
+from strips_lm.sharding import fill, full, shard
 from strips_lm.tuning import Choice, default, load_choice, save_choice, tuned
 from strips_lm.watch import Clock, Signals, Watch, say
 
@@ -73,12 +75,16 @@ class Run:
     keeper: Keeper
     progress: Progress
     clock: Clock
+    twin: PreTrainedModel | None = None
+    """A plain model for what is written, where processes share the weights out."""
 
-    @property
-    def model(self) -> PreTrainedModel:
-        """The model itself, out of its wrappers."""
+    def whole_model(self) -> PreTrainedModel:
+        """The model itself with all of its weights, out of its wrappers; every process asks for it, or none does."""
         model: PreTrainedModel = self.accelerator.unwrap_model(self.objective).model
-        return model
+        if self.twin is None:
+            return model
+        fill(self.twin, model)
+        return self.twin
 
 
 def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool = False, shown: bool = True) -> int:
@@ -197,9 +203,11 @@ def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, flo
         run.accelerator.backward(loss * run.accelerator.num_processes)
         sums += torch.stack([part.detach().double() for part in (losses.lm, losses.mc, losses.right)])
     sums = run.accelerator.reduce(sums, "sum").cpu()
-    norm = run.accelerator.clip_grad_norm_(run.objective.parameters(), train.clip) if train.clip else sums.new_zeros(())
+    norm = sums.new_zeros(())
+    if train.clip:
+        norm = full(run.accelerator.clip_grad_norm_(run.objective.parameters(), train.clip))
     if not (bool(sums.isfinite().all()) and bool(norm.isfinite())):
-        if _sound(run.model):
+        if _sound(run.whole_model()):
             _save_last(run)
         raise NotFiniteError(_not_finite(run, step))
     _set_rates(run.optimizer, rate(fraction, train))
@@ -291,8 +299,9 @@ def _measure(run: Run, watch: Watch, fraction: float) -> None:
     )
     if math.isfinite(loss) and (progress.best is None or loss < progress.best):
         progress.best = loss
+        model = run.whole_model()
         if run.accelerator.is_main_process:
-            run.keeper.save_best(run.model, progress)
+            run.keeper.save_best(model, progress)
 
 
 def _beside_floor(lm_loss: float, floor: float | None) -> dict[str, float | None]:
@@ -305,11 +314,13 @@ def _beside_floor(lm_loss: float, floor: float | None) -> dict[str, float | None
 
 def _save_last(run: Run) -> None:
     """Writes `last`, unless the weights are no longer numbers: then the earlier one stays."""
-    if not _sound(run.model):
+    model = run.whole_model()
+    if not _sound(model):
         raise NotFiniteError(f"the weights after step {run.progress.step} are not finite\n{_LOWER}")
     run.progress.seconds = run.clock.seconds()
+    state = flatten(run.optimizer) if run.twin is not None or run.accelerator.is_main_process else {}
     if run.accelerator.is_main_process:
-        run.keeper.save_last(run.model, run.progress, run.optimizer)
+        run.keeper.save_last(model, run.progress, state)
     run.accelerator.wait_for_everyone()
 
 
@@ -350,6 +361,8 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: boo
     for folder in data_sets(data):
         if not (folder / "data").is_dir():
             raise DataSetError(f"{folder}: no data set here\nhint: strips-lm gen-data --out {folder}")
+    if os.environ.pop("ACCELERATE_USE_FSDP", "").lower() == "true":  # `accelerate launch --use_fsdp`
+        config = replace(config, train=replace(config.train, shard=True))
     accelerator = _accelerator(config.train.trackers, out)
     out.mkdir(parents=True, exist_ok=True)
     tokenizer = _tokenizer(config, data, out, resumed)
@@ -363,7 +376,15 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: boo
     choice = load_choice(out) if resumed else None
     choice = choice or _choose(config, objective, training, accelerator, tell)
     choice.apply(objective)
-    prepared, optimizer = accelerator.prepare(objective, optimizer)
+    twin = None
+    if config.train.shard and accelerator.num_processes > 1:
+        twin, state = copy.deepcopy(model).cpu(), flatten(optimizer)
+        shard(objective, accelerator.device)
+        optimizer = make_optimizer(model, config.train)
+        unflatten(state, optimizer)
+        prepared, optimizer = objective, accelerator.prepare(optimizer)
+    else:
+        prepared, optimizer = accelerator.prepare(objective, optimizer)
     config.save(out / "run.toml")
     save_choice(out, choice)
     about = {"domains": _domains(data), "records": len(training), "records too long, left out": training.left_out}
@@ -380,6 +401,7 @@ def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: boo
         Keeper(out, config, tokenizer, about),
         progress,
         Clock(progress.seconds),
+        twin,
     )
 
 
@@ -409,7 +431,7 @@ def _accelerator(trackers: Sequence[str], out: Path) -> Accelerator:
     accelerator = Accelerator(cpu=cpus, log_with=list(trackers) or None, project_dir=str(out))
     if accelerator.distributed_type not in {DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU}:
         kind = accelerator.distributed_type.value
-        raise ModelError(f"{kind} is not supported: Muon needs whole matrices\nhint: launch data-parallel training")
+        raise ModelError(f"{kind} is not supported\nhint: launch data-parallel or FSDP training")
     return accelerator
 
 

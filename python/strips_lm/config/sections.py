@@ -227,6 +227,8 @@ class TrainConfig:
     """Share of the run in which the learning rate rises."""
     cooldown: float = 0.6
     """Share of the run, at its end, in which the learning rate falls in a straight line to zero."""
+    shard: bool = False
+    """Whether several processes share weights, gradients and the optimiser's state out (FSDP), not each holding all."""
     lm_weight: float = 1.0
     """Weight of the language-model loss."""
     mc_weight: float = 2.0
