@@ -143,8 +143,8 @@ def _orthogonalised(stacks: list[list[Tensor]]) -> list[Tensor]:
     own = []
     for members in stacks:
         # The last ones of a count that does not divide are given to all that would have none.
-        share = -(-len(members) // world)
-        mine = [members[min(index, len(members) - 1)] for index in range(rank * share, (rank + 1) * share)]
+        count = -(-len(members) // world)
+        mine = [members[min(index, len(members) - 1)] for index in range(rank * count, (rank + 1) * count)]
         own.append(orthogonalise(torch.stack(mine).to(_newton_type(mine[0]))))
     if world == 1 or not own:
         return own
