@@ -9,6 +9,7 @@ need a peer from PyPI are left out where it is not installed. Exit 1 where a fig
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import json
 import os
@@ -167,6 +168,7 @@ def streaming(folder: Path) -> None:
 
 def main() -> int:
     """All lines; 1 where one misses its target."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     command = ["cargo", "build", "--release", "-q", "-p", "strips-bench", "--bin", "search", "--bin", "ground"]
     subprocess.run(command, cwd=TOP, check=True)
     binary = TOP / "target/release/search"

@@ -16,6 +16,7 @@ import signal
 import sys
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from safetensors.torch import load_file
@@ -27,8 +28,12 @@ from strips_lm import train as loop
 from strips_lm.checkpoint import CheckpointError
 from strips_lm.config import RunConfig
 
+if TYPE_CHECKING:
+    from strips_lm.batches import Step
+
 KINDS = ("double-head", "lm-head", "lstm")
-BUILD = loop._build  # noqa: SLF001  (the one place where a step begins)
+NEXT = loop.Steps.next
+"""The one place where a step begins."""
 
 
 class CrashError(Exception):
@@ -45,14 +50,14 @@ def config(kind: str, steps: int) -> RunConfig:
 def stop_at(step: int, crash: bool) -> None:
     """Makes the run end when that step (from 0) begins."""
 
-    def build_and_stop(run, *args):
-        if run.progress.step == step:
+    def stop_or_build(steps: loop.Steps, fraction: float) -> Step:
+        if steps.run.progress.step == step:
             if crash:
                 raise CrashError
             os.kill(os.getpid(), signal.SIGTERM)
-        return BUILD(run, *args)
+        return NEXT(steps, fraction)
 
-    loop._build = build_and_stop  # noqa: SLF001
+    loop.Steps.next = stop_or_build
 
 
 def stopped_and_resumed(run: RunConfig, data: Path, out: Path, step: int, crash: bool) -> None:
@@ -60,7 +65,7 @@ def stopped_and_resumed(run: RunConfig, data: Path, out: Path, step: int, crash:
     stop_at(step, crash)
     with contextlib.suppress(CrashError):
         loop.train(run, data, out, shown=False)
-    loop._build = BUILD  # noqa: SLF001
+    loop.Steps.next = NEXT
     try:
         loop.train(run, data, out, resumed=True, shown=False)
     except CheckpointError:

@@ -10,10 +10,12 @@ import time
 
 import pytest
 import torch
+from accelerate import Accelerator
 from accelerate.utils import DistributedType, LoggerType
 from safetensors.torch import load_file
 
 import blocks_data
+from strips_lm import prepare
 from strips_lm import train as loop
 from strips_lm.checkpoint import CheckpointError
 from strips_lm.config import RunConfig
@@ -130,14 +132,14 @@ def test_a_loss_that_is_no_number_names_its_records_and_keeps_the_last_good_chec
 
 
 def test_a_gradient_that_is_no_number_stops_the_run_before_it_reaches_the_weights(data, tmp_path, monkeypatch):
-    clip = loop.Accelerator.clip_grad_norm_
+    clip = Accelerator.clip_grad_norm_
 
     def overflow(self, parameters, most):
         parameters = list(parameters)
         parameters[0].grad.fill_(float("inf"))
         return clip(self, parameters, most)
 
-    monkeypatch.setattr(loop.Accelerator, "clip_grad_norm_", overflow)
+    monkeypatch.setattr(Accelerator, "clip_grad_norm_", overflow)
     with pytest.raises(NotFiniteError, match="its gradient is not finite"):
         train(config(), data, tmp_path, shown=False)
     assert all(bool(weight.isfinite().all()) for weight in weights(tmp_path).values())
@@ -211,9 +213,9 @@ def test_the_log_has_perplexity_its_floor_and_the_gap(data, tmp_path):
 @pytest.mark.filterwarnings("ignore:.log_with:UserWarning")  # accelerate finds no tensorboard; ours stands in for it
 def test_trackers_get_every_line(data, tmp_path, monkeypatch):
     logged = []
-    monkeypatch.setattr(loop, "get_available_trackers", lambda: [LoggerType.TENSORBOARD])
-    monkeypatch.setattr(loop.Accelerator, "init_trackers", lambda _self, name: logged.append(name))
-    monkeypatch.setattr(loop.Accelerator, "log", lambda _self, values, step: logged.append((values, step)))
+    monkeypatch.setattr(prepare, "get_available_trackers", lambda: [LoggerType.TENSORBOARD])
+    monkeypatch.setattr(Accelerator, "init_trackers", lambda _self, name: logged.append(name))
+    monkeypatch.setattr(Accelerator, "log", lambda _self, values, step: logged.append((values, step)))
     train(config("double-head", 20, "train.trackers=['tensorboard']"), data, tmp_path, shown=False)
     name, *lines = logged
     assert name == "strips-lm"
@@ -222,14 +224,14 @@ def test_trackers_get_every_line(data, tmp_path, monkeypatch):
     assert [step for values, step in lines if "validation/gap" in values][-1] == 20
 
 
-def test_sharded_training_is_refused(data, tmp_path, monkeypatch):
-    monkeypatch.setattr(loop.Accelerator, "distributed_type", DistributedType.FSDP)
-    with pytest.raises(ModelError, match="FSDP is not supported"):
+def test_a_launcher_that_takes_the_model_apart_its_own_way_is_refused(data, tmp_path, monkeypatch):
+    monkeypatch.setattr(Accelerator, "distributed_type", DistributedType.DEEPSPEED)
+    with pytest.raises(ModelError, match="DEEPSPEED is not supported"):
         train(config("lm-head", 2), data, tmp_path, shown=False)
 
 
 def test_a_tracker_that_is_not_installed_is_named(data, tmp_path, monkeypatch):
-    monkeypatch.setattr(loop, "get_available_trackers", list)
+    monkeypatch.setattr(prepare, "get_available_trackers", list)
     with pytest.raises(ModelError, match="no tracker `trackio` here"):
         train(config("lm-head", 2, "train.trackers=['trackio']"), data, tmp_path, shown=False)
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -10,19 +11,29 @@ import pytest
 from safetensors.torch import load_file
 
 import blocks_data
-from test_train import config
+from strips_lm import train as loop
+from test_train import config, interrupt_at
 
 SETTINGS = ("model.dropout=0.0", "train.precision=float32")
 ADAM = "train.optimizer=adam"
 
 
-def start(data, out, run, rank, world, port):
+def start(data, out, run, rank, world, port, *more):
     env = {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
     if world > 1:
         env |= {"RANK": str(rank), "LOCAL_RANK": str(rank), "WORLD_SIZE": str(world)}
         env |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
-    command = [sys.executable, "-m", "strips_lm", "train", str(data), "--out", str(out), "--preset", str(run)]
+    command = [sys.executable, "-m", "strips_lm", "train", str(data), "--out", str(out), "--preset", str(run), *more]
     return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def train(data, out, run, world, *more):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    processes = [start(data, out, run, rank, world, port, *more) for rank in range(world)]
+    texts = [process.communicate(timeout=300)[0] for process in processes]
+    assert [process.returncode for process in processes] == [0] * world, "\n".join(texts)
 
 
 @pytest.mark.slow
@@ -41,13 +52,8 @@ def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
     data = blocks_data.write(tmp_path / "data")
     run = tmp_path / "given.toml"
     config("double-head", 6, *SETTINGS, "train.evaluate_every=0.5", "train.save_minutes=0.002", *more).save(run)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
     for world in (1, 2):
-        processes = [start(data, tmp_path / str(world), run, rank, world, port) for rank in range(world)]
-        texts = [process.communicate(timeout=300)[0] for process in processes]
-        assert [process.returncode for process in processes] == [0] * world, "\n".join(texts)
+        train(data, tmp_path / str(world), run, world)
     curves = [
         [json.loads(line) for line in (tmp_path / world / "metrics.jsonl").read_text().splitlines()]
         for world in ("1", "2")
@@ -63,3 +69,25 @@ def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
             # Muon's products are made in half precision where that is fast, from sums that are rounded otherwise.
             slack = 0.2 if "train.optimizer=muon" in more else 0.01
             assert (two[key] - value).norm() <= slack * value.norm() + 1e-3, key
+
+
+@pytest.mark.slow
+def test_other_processes_go_on_from_what_sharded_ones_left(tmp_path, monkeypatch):
+    """One process stops halfway; two that share the model out go on, stop again, and one ends it."""
+    data = blocks_data.write(tmp_path / "data")
+    steady = ("train.warmup=0.0", "train.cooldown=0.0", "train.select_from=1")  # the same for any number of steps
+    settings = config("double-head", 9, *SETTINGS, *steady, ADAM, "train.shard=true")
+    whole, pieced, run = tmp_path / "whole", tmp_path / "pieced", tmp_path / "given.toml"
+    settings.save(run)
+    train(data, whole, run, 1)
+    interrupt_at(3, monkeypatch)
+    assert loop.train(settings, data, pieced, shown=False) == signal.SIGTERM
+    monkeypatch.undo()
+    train(data, pieced, run, 2, "--resume", "--set", "train.steps=6")
+    assert json.loads((pieced / "last" / "trainer.json").read_text())["step"] == 6
+    train(data, pieced, run, 1, "--resume")
+    for name in ("model.safetensors", "optimizer.safetensors"):
+        one, two = (load_file(folder / "last" / name) for folder in (whole, pieced))
+        assert one.keys() == two.keys()
+        for key, value in one.items():
+            assert (two[key] - value).norm() <= 0.01 * value.norm() + 1e-3, key

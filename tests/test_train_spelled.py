@@ -14,8 +14,9 @@ from strips_lm.batches import Dress, Plan, build_step
 from strips_lm.config import RunConfig
 from strips_lm.dataset import texts
 from strips_lm.generate import Planner
+from strips_lm.prepare import _open
 from strips_lm.tokenizer import SpelledTokenizer
-from strips_lm.train import _open, train
+from strips_lm.train import train
 from test_train import interrupt_at
 
 torch.set_num_threads(1)

@@ -7,51 +7,35 @@ one in minutes the clock decides. A step's loss is a mean over the whole step, w
 
 from __future__ import annotations
 
-import copy
 import math
-import os
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from accelerate import Accelerator
-from accelerate.tracking import get_available_trackers
-from accelerate.utils import DistributedType, broadcast_object_list
+from accelerate.utils import broadcast_object_list
 
-from strips_lm import tokenizer as tokenizers
-from strips_lm._native import Domain
 from strips_lm.batches import Dress, Plan, build_step, walk
-from strips_lm.checkpoint import Keeper, Progress, flatten, last_checkpoint, resume, unflatten
-from strips_lm.dataset import DataSetError, entropy_floor, open_data, texts
-from strips_lm.folders import data_sets
+from strips_lm.checkpoint import flatten
 from strips_lm.forward import best_spread
 from strips_lm.loss import weighted
-from strips_lm.model import ModelError, make_model
-from strips_lm.muon import make_optimizer
-from strips_lm.objective import Objective, measure, validation_step
-from strips_lm.own_negatives import with_negatives
+from strips_lm.objective import measure
+from strips_lm.prepare import Run, prepare
 from strips_lm.selection import Selection
-from strips_lm.sharding import fill, full, shard
-from strips_lm.tuning import Choice, default, load_choice, save_choice, tuned
-from strips_lm.watch import Clock, Signals, Watch, say
+from strips_lm.sharding import full
+from strips_lm.watch import Signals, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from concurrent.futures import Future
 
     from numpy.typing import NDArray
-    from torch.optim import Optimizer
     from transformers import PreTrainedModel
 
     from strips_lm.batches import Step
     from strips_lm.config import RunConfig, TrainConfig
-    from strips_lm.dataset import PlanDataset
-    from strips_lm.tokenizer import PlanTokenizer
-    from strips_lm.tuning import Tell
 
 LOG_EVERY = 10
 """Steps between two lines of `metrics.jsonl`."""
@@ -59,32 +43,6 @@ LOG_EVERY = 10
 
 class NotFiniteError(ArithmeticError):
     """A loss that is no number; the message names the step's records."""
-
-
-@dataclass(slots=True)
-class Run:
-    """Everything that one training run holds in its hands."""
-
-    config: RunConfig
-    data: PlanDataset
-    accelerator: Accelerator
-    objective: torch.nn.Module
-    optimizer: Optimizer
-    validation: Step
-    floor: float | None
-    keeper: Keeper
-    progress: Progress
-    clock: Clock
-    twin: PreTrainedModel | None = None
-    """A plain model for what is written, where processes share the weights out."""
-
-    def whole_model(self) -> PreTrainedModel:
-        """The model itself with all of its weights, out of its wrappers; every process asks for it, or none does."""
-        model: PreTrainedModel = self.accelerator.unwrap_model(self.objective).model
-        if self.twin is None:
-            return model
-        fill(self.twin, model)
-        return self.twin
 
 
 def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool = False, shown: bool = True) -> int:
@@ -96,7 +54,7 @@ def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool
         DataSetError, TokenizerError, ModelError, CheckpointError: what was given cannot be trained or resumed.
         NotFiniteError: the loss is no longer a number; `last` is of before that step, and its weights are numbers.
     """
-    run = _prepare(config, Path(data), Path(out), resumed, shown)
+    run = prepare(config, Path(data), Path(out), resumed, shown)
     shown = shown and run.accelerator.is_main_process
     with Signals() as signals, _watch(run, Path(out), shown, resumed) as watch:
         fraction, number = _loop(run, watch, signals)
@@ -354,107 +312,3 @@ def _watch(run: Run, out: Path, shown: bool, resumed: bool) -> Watch:
         accelerator.init_trackers("strips-lm")
     name = "metrics.jsonl" if accelerator.is_main_process else f".metrics.{accelerator.process_index}.jsonl"
     return Watch(out / name, shown, resumed, accelerator if trackers else None)
-
-
-def _prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: bool) -> Run:
-    """Opens the data, makes or resumes the model, and writes `run.toml`."""
-    for folder in data_sets(data):
-        if not (folder / "data").is_dir():
-            raise DataSetError(f"{folder}: no data set here\nhint: strips-lm gen-data --out {folder}")
-    if os.environ.pop("ACCELERATE_USE_FSDP", "").lower() == "true":  # `accelerate launch --use_fsdp`
-        config = replace(config, train=replace(config.train, shard=True))
-    accelerator = _accelerator(config.train.trackers, out)
-    out.mkdir(parents=True, exist_ok=True)
-    tokenizer = _tokenizer(config, data, out, resumed)
-    with accelerator.main_process_first():
-        training, validation = _open(config, data, tokenizer)
-    model = make_model(config.model, tokenizer, config.seed).to(accelerator.device)
-    optimizer = make_optimizer(model, config.train)
-    progress = resume(last_checkpoint(out), model, optimizer) if resumed else Progress()
-    objective = Objective(model, torch.float32).train()
-    tell = say if shown and accelerator.is_main_process else lambda _: None
-    choice = load_choice(out) if resumed else None
-    choice = choice or _choose(config, objective, training, accelerator, tell)
-    choice.apply(objective)
-    twin = None
-    if config.train.shard and accelerator.num_processes > 1:
-        twin, state = copy.deepcopy(model).cpu(), flatten(optimizer)
-        shard(objective, accelerator.device)
-        optimizer = make_optimizer(model, config.train)
-        unflatten(state, optimizer)
-        prepared, optimizer = objective, accelerator.prepare(optimizer)
-    else:
-        prepared, optimizer = accelerator.prepare(objective, optimizer)
-    config.save(out / "run.toml")
-    save_choice(out, choice)
-    about = {"domains": _domains(data), "records": len(training), "records too long, left out": training.left_out}
-    records = min(config.train.validation_records, len(validation))
-    held = validation_step(validation, records, config.train.batch_tokens, config.model.kind == "double-head")
-    return Run(
-        config,
-        training,
-        accelerator,
-        prepared,
-        optimizer,
-        held,
-        entropy_floor(validation, records),
-        Keeper(out, config, tokenizer, about),
-        progress,
-        Clock(progress.seconds),
-        twin,
-    )
-
-
-def _choose(config: RunConfig, objective: Objective, data: PlanDataset, accelerator: Accelerator, tell: Tell) -> Choice:
-    """How the layers run: as a trial finds where one is asked for, else as the configuration says; alike everywhere."""
-    train, device = config.train, accelerator.device
-    tried = train.autotune is True or (train.autotune == "auto" and not train.steps)
-    agreed = [tuned(config, objective, data, device, tell) if tried else default(train, objective.model, device)]
-    if accelerator.num_processes > 1:
-        broadcast_object_list(agreed)
-    return agreed[0]
-
-
-def _domains(data: Path) -> str:
-    """The names of the domains that the data is of, as far as the folders say."""
-    paths = [path for path in (folder / "domain.pddl" for folder in data_sets(data)) if path.is_file()]
-    return ", ".join(Domain.parse(path.read_bytes(), str(path)).name for path in paths) or "?"
-
-
-def _accelerator(trackers: Sequence[str], out: Path) -> Accelerator:
-    """Devices and trackers as the launcher and the configuration have them."""
-    missing = [name for name in trackers if name not in {str(kind.value) for kind in get_available_trackers()}]
-    if missing:
-        raise ModelError(f"no tracker `{missing[0]}` here\nhint: pip install 'strips-lm[trackers]'")
-    # Several processes without a GPU train on CPUs; untold, each would train a model of its own.
-    cpus = int(os.environ.get("WORLD_SIZE", "1")) > 1 and not torch.cuda.is_available()
-    accelerator = Accelerator(cpu=cpus, log_with=list(trackers) or None, project_dir=str(out))
-    if accelerator.distributed_type not in {DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU}:
-        kind = accelerator.distributed_type.value
-        raise ModelError(f"{kind} is not supported\nhint: launch data-parallel or FSDP training")
-    return accelerator
-
-
-def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanTokenizer:
-    """A resumed run's own tokenizer, or a new one."""
-    return tokenizers.load(last_checkpoint(out)) if resumed else tokenizers.make(config.tokenizer, data, texts(data))
-
-
-def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:
-    """The training and the validation split."""
-    context, room = config.model.context, config.train.position_offset
-    train = config.train
-
-    def opened(stored: PlanTokenizer) -> PlanDataset:
-        found = open_data(data, "train", stored, context, room)
-        if not train.own_negatives:
-            return found
-        longest, share = context - room, train.own_share
-        return with_negatives(found, train.own_negatives, stored, longest, share=share, seed=config.seed)
-
-    held = open_data(data, "validation", tokenizer, context)
-    spelling = tokenizer.spelling(context - room) if train.drawn_names else None
-    if spelling is None:
-        return opened(tokenizer), held
-    named = opened(tokenizer) if train.drawn_names < 1.0 else None
-    return replace(opened(tokenizer.slotted), spelling=spelling, named=named), held
