@@ -9,6 +9,7 @@ import pytest
 
 PROGRAM = """
 import copy
+import time
 import torch
 from torch import distributed, nn
 from torch.distributed.fsdp import FSDPModule
@@ -45,6 +46,8 @@ for tensor in plain.parameters():
     assert local(tensor) is whole(tensor, tensor) is share(tensor, tensor) is full(tensor) is tensor
 with gathered(plain):
     pass
+distributed.barrier()
+time.sleep(0.1)  # see `train._part`
 distributed.destroy_process_group()
 """
 

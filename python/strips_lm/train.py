@@ -8,6 +8,7 @@ one in minutes the clock decides. A step's loss is a mean over the whole step, w
 from __future__ import annotations
 
 import math
+import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, replace
@@ -59,7 +60,7 @@ def train(config: RunConfig, data: str | Path, out: str | Path, *, resumed: bool
     with Signals() as signals, _watch(run, Path(out), shown, resumed) as watch:
         fraction, number = _loop(run, watch, signals)
         _finish(run, watch, fraction)
-    run.accelerator.end_training()
+    _part(run)
     return number
 
 
@@ -287,6 +288,16 @@ def _finish(run: Run, watch: Watch, fraction: float) -> None:
     _save_last(run)
     if fraction >= 1.0:
         _measure(run, watch, 1.0)
+
+
+def _part(run: Run) -> None:
+    """Ends the bond of several processes, once all of them are done."""
+    if run.accelerator.num_processes > 1:
+        run.accelerator.wait_for_everyone()
+        # A thread of gloo's frees the last exchange's tensors, for which it takes the interpreter's lock. It has
+        # it now: if the interpreter ended first, the thread would abort the process.
+        time.sleep(0.1)
+    run.accelerator.end_training()
 
 
 def _sound(model: PreTrainedModel) -> bool:
