@@ -265,7 +265,7 @@ def test_an_lstm_writes_by_itself_too(questions: Questions, decode: str) -> None
 
 
 @pytest.mark.parametrize("decode", ["search", "search-replan"])
-@pytest.mark.parametrize("layout", ["difference", "report"])
+@pytest.mark.parametrize("layout", ["difference", "progress", "report"])
 def test_search_with_calls_enough_solves_everything(questions: Questions, layout: Any, decode: str) -> None:
     words = CanonicalTokenizer(_native.CanonicalCodec(questions.domain, layout=layout), 16)
     config = RunConfig.load(None, [*KEYS, "generate.search_calls=3000"]).generate

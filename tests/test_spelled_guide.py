@@ -33,11 +33,19 @@ def questions() -> Questions:
     return Questions(MANIPULATION / "domain.pddl", [PROBLEM])
 
 
-@pytest.fixture(scope="module", params=[(["te"], True), (["te", "tea"], False), (["tea", "teapot"], True), ([], False)])
+@pytest.fixture(
+    scope="module",
+    params=[
+        (["te"], True, "difference"),
+        (["te", "tea"], False, "progress"),
+        (["tea", "teapot"], True, "progress"),
+        ([], False, "difference"),
+    ],
+)
 def tokenizer(request: Any) -> SpelledTokenizer:
-    names, kinds = request.param
+    names, kinds, layout = request.param
     domain = _native.Domain.parse((MANIPULATION / "domain.pddl").read_bytes())
-    words = CanonicalTokenizer(_native.CanonicalCodec.of_domains([(domain, None)], kinds=kinds), 64)
+    words = CanonicalTokenizer(_native.CanonicalCodec.of_domains([(domain, None)], layout=layout, kinds=kinds), 64)
     return SpelledTokenizer(words, learn_pieces([*names * 50, "table"], 256 + 4 * len(names)))
 
 

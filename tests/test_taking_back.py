@@ -80,7 +80,7 @@ def test_steps_are_taken_back_as_in_the_slow_twin(questions: Questions, decode: 
 
 
 @pytest.mark.parametrize("decode", ["masked", "masked-replan"])
-@pytest.mark.parametrize("layout", ["difference", "report"])
+@pytest.mark.parametrize("layout", ["difference", "progress", "report"])
 def test_with_room_enough_every_problem_is_solved_whatever_the_model(
     questions: Questions,  # noqa: F811
     layout: Any,

@@ -30,7 +30,7 @@ NAMES = ["bench", "zorg", "ülk", "shelf"]
 COMPLETION = "<ACTION> lift(ülk) <STATE> inhand(ülk), inworkspace(bench), inworkspace(zorg), inworkspace(ülk)"
 
 
-@pytest.mark.parametrize("layout", ["difference", "report"])
+@pytest.mark.parametrize("layout", ["difference", "progress", "report"])
 def test_the_codec_loses_no_byte(layout: str) -> None:
     codec = _native.CanonicalCodec(DOMAIN, LEXICON, layout=layout)  # type: ignore[arg-type]
     texts = [PROMPT, f"{PROMPT} {COMPLETION}", f"{PROMPT} {COMPLETION[:50]}", "", "<STATE>  x"]

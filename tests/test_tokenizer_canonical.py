@@ -25,7 +25,7 @@ COMPLETIONS = [
 BROKEN = ["<ACTION> light(torch <STATE> <|endoftext|>", "<ACTION> fly(qx_9) <STATE> lit(nobody) <|endoftext|>"]
 
 
-@pytest.fixture(scope="module", params=["difference", "report"])
+@pytest.fixture(scope="module", params=["difference", "progress", "report"])
 def tokenizer(request):
     codec = _native.CanonicalCodec(_native.Domain.parse(DOMAIN), None, layout=request.param)
     return CanonicalTokenizer(codec, max_slots=8)

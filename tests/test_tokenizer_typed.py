@@ -46,7 +46,7 @@ ODD = [
 """Several types, an unknown one, none, no objects, one twice, and what is no prompt."""
 
 
-@pytest.fixture(scope="module", params=["difference", "report"])
+@pytest.fixture(scope="module", params=["difference", "progress", "report"])
 def tokenizer(request: pytest.FixtureRequest) -> TypedTokenizer:
     codec = _native.CanonicalCodec(_native.Domain.parse(DOMAIN), None, layout=request.param)
     return TypedTokenizer(CanonicalTokenizer(codec, max_slots=8), 3)

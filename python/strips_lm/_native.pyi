@@ -470,7 +470,11 @@ class CanonicalCodec:
     """Rewrites texts into few words of a small vocabulary, and back without losing a byte."""
 
     def __new__(
-        cls, domain: Domain, lexicon: str | None = None, *, layout: Literal["difference", "report"] = "difference"
+        cls,
+        domain: Domain,
+        lexicon: str | None = None,
+        *,
+        layout: Literal["difference", "progress", "report"] = "difference",
     ) -> CanonicalCodec:
         """The codec of a domain, with the words that a lexicon (TOML) gives for its actions and predicates.
 
@@ -481,7 +485,7 @@ class CanonicalCodec:
     def of_domains(
         domains: Sequence[tuple[Domain, str | None]],
         *,
-        layout: Literal["difference", "report"] = "difference",
+        layout: Literal["difference", "progress", "report"] = "difference",
         kinds: bool = False,
     ) -> CanonicalCodec:
         """The codec of several domains, each with its lexicon, in the order that `domains` of `encode` counts.
@@ -498,7 +502,7 @@ class CanonicalCodec:
     def to_json(self) -> str:
         """Everything the codec knows, as JSON."""
     @property
-    def layout(self) -> Literal["difference", "report"]:
+    def layout(self) -> Literal["difference", "progress", "report"]:
         """How much the rewriting takes out."""
     @property
     def kinds(self) -> bool:

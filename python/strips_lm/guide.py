@@ -6,6 +6,7 @@ It joins the tokenizer's words and the prompts' tasks; what may come next is dec
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from strips_lm.tokenizer import PlanTokenizer
+
+
+_SIGN = re.compile(r"^(toward|away)?[+-]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +107,7 @@ class OracleGuide:
         """
         found = before if isinstance(before, frozenset) else frozenset()
         for atoms in self._states(tokens):
-            spelled = frozenset((self.words[atom[0]].lstrip("+-"), *atom[1:]) for atom in atoms)
+            spelled = frozenset((_SIGN.sub("", self.words[atom[0]]), *atom[1:]) for atom in atoms)
             found = spelled if self.layout == "report" else found ^ spelled
         return found
 

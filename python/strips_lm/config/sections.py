@@ -127,6 +127,10 @@ class DataConfig:
         check(all(min(sizes, default=0) >= 0 for sizes in self.large_sizes.values()), "`data.large_sizes` are positive")
 
 
+Layout = Literal["difference", "progress", "report"]
+"""How canonical words say goal and states."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TokenizerConfig:
     """How text becomes tokens."""
@@ -141,8 +145,9 @@ class TokenizerConfig:
     """`bpe`: a pre-trained tokenizer's name or folder (`gpt2`); empty trains one on the corpus."""
     vocab_size: int = 1024
     """`bpe` trained on the corpus, `spelled`: the vocabulary, our special tokens among them."""
-    layout: Literal["difference", "report"] = "difference"
-    """`canonical`, `typed`: goal and states as differences, or spelled out as in the report (slots alone)."""
+    layout: Layout = "difference"
+    """`canonical`, `typed`, `spelled`: goal and states as differences; the same where each change says whether it
+    leads to the goal or away from it (`progress`); or spelled out as in the report (slots alone)."""
     max_slots: int = 32
     """`canonical`, `typed`: slots for objects; a problem with more of them cannot be tokenized."""
     type_slots: int = 24

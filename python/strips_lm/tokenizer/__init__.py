@@ -61,5 +61,5 @@ def make(config: TokenizerConfig, data: Path, texts: Iterable[str]) -> PlanToken
     if config.kind == "canonical":
         return CanonicalTokenizer.of_data(data, config.max_slots, config.layout)
     if config.kind == "spelled":
-        return SpelledTokenizer.of_data(data, texts, config.vocab_size, kinds=config.spelled_types)
+        return SpelledTokenizer.of_data(data, texts, config.vocab_size, config.layout, kinds=config.spelled_types)
     return BpeTokenizer.pretrained(config.source) if config.source else BpeTokenizer.train(texts, config.vocab_size)

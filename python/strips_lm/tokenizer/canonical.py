@@ -27,10 +27,10 @@ from strips_lm.tokenizer.base import END, SPECIAL, START, TokenizerError, read_s
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from typing import Literal
 
     from numpy.typing import NDArray
 
+    from strips_lm.config.sections import Layout
     from strips_lm.tokenizer.base import Ids
 
 DOMAIN, LEXICON, CODEC = "domain.pddl", "lexicon.toml", "codec.json"
@@ -57,9 +57,7 @@ class CanonicalTokenizer:
         self.domain = 0 if len(self.domains) == 1 else None
 
     @classmethod
-    def of_data(
-        cls, data: Path, max_slots: int, layout: Literal["difference", "report"], *, kinds: bool = False
-    ) -> CanonicalTokenizer:
+    def of_data(cls, data: Path, max_slots: int, layout: Layout, *, kinds: bool = False) -> CanonicalTokenizer:
         """The tokenizer of the domain and lexicon of a data set, or of each of a mixture.
 
         With `kinds` an object's type stands before each mention of it.

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from strips_lm._native import Domain
+    from strips_lm.config.sections import Layout
     from strips_lm.tokenizer.base import Ids
 
 NAMES = "names.json"
@@ -58,13 +59,15 @@ class SpelledTokenizer(OfWords):
         self.known: dict[str, list[int]] = {}
 
     @classmethod
-    def of_data(cls, data: Path, texts: Iterable[str], vocab_size: int, *, kinds: bool = False) -> SpelledTokenizer:
+    def of_data(
+        cls, data: Path, texts: Iterable[str], vocab_size: int, layout: Layout = "difference", *, kinds: bool = False
+    ) -> SpelledTokenizer:
         """The tokenizer of a data set's domain, with pieces learnt from the names in some of its texts.
 
         Raises:
             TokenizerError: it is a mixture of several domains' data sets.
         """
-        words = CanonicalTokenizer.of_data(data, MOST_SLOTS, "difference", kinds=kinds)
+        words = CanonicalTokenizer.of_data(data, MOST_SLOTS, layout, kinds=kinds)
         if words.domain is None:
             raise TokenizerError("names are spelled in one domain's texts alone\nhint: `tokenizer.kind=canonical`")
         _, legends = words.encode_prompts(list(texts))

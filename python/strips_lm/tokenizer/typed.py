@@ -13,7 +13,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from strips_lm._native import Domain, Legend
+    from strips_lm.config.sections import Layout
     from strips_lm.tokenizer.base import Ids
 
 
@@ -67,9 +68,7 @@ class TypedTokenizer(OfWords):
         self.same = np.arange(self.vocab_size, dtype=np.int32)
 
     @classmethod
-    def of_data(
-        cls, data: Path, max_slots: int, layout: Literal["difference", "report"], type_slots: int
-    ) -> TypedTokenizer:
+    def of_data(cls, data: Path, max_slots: int, layout: Layout, type_slots: int) -> TypedTokenizer:
         """The tokenizer of the domain and lexicon of a data set, or of each of a mixture."""
         return cls(CanonicalTokenizer.of_data(data, max_slots, layout), type_slots)
 

@@ -119,8 +119,8 @@ pub struct CanonicalCodec {
 
 #[pymethods]
 impl CanonicalCodec {
-    /// The codec of a domain, with the words that a lexicon (TOML) gives for its actions and predicates; `layout` is `difference` or
-    /// `report`.
+    /// The codec of a domain, with the words that a lexicon (TOML) gives for its actions and predicates; `layout` is
+    /// `difference`, `progress` or `report`.
     #[new]
     #[pyo3(signature = (domain, lexicon = None, *, layout = "difference"))]
     fn new(domain: &Domain, lexicon: Option<&str>, layout: &str) -> PyResult<Self> {
@@ -153,11 +153,12 @@ impl CanonicalCodec {
         self.core.to_json()
     }
 
-    /// How much the rewriting takes out: `difference` or `report`.
+    /// How much the rewriting takes out: `difference`, `progress` or `report`.
     #[getter]
     fn layout(&self) -> &'static str {
         match self.core.layout() {
             Layout::Difference => "difference",
+            Layout::Progress => "progress",
             Layout::Report => "report",
         }
     }
@@ -300,8 +301,9 @@ fn goal_style(name: &str) -> PyResult<GoalStyle> {
 fn layout_of(name: &str) -> PyResult<Layout> {
     match name {
         "difference" => Ok(Layout::Difference),
+        "progress" => Ok(Layout::Progress),
         "report" => Ok(Layout::Report),
-        _ => Err(PyValueError::new_err(format!("layout `{name}`: expected `difference` or `report`"))),
+        _ => Err(PyValueError::new_err(format!("layout `{name}`: expected `difference`, `progress` or `report`"))),
     }
 }
 

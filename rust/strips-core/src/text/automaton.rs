@@ -17,7 +17,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 pub use batch::{MaskError, MaskedDecoder};
 
-use super::canonical::{Codec, Layout, Legend, Marker, Packed, Sign, Word, mention};
+use super::canonical::{Codec, Layout, Legend, Marker, Packed, Sign, Wanted, Word, mention, sign_of_change};
 use crate::search::SuccessorGenerator;
 use crate::task::{Fact, OperatorId, State, Task};
 
@@ -37,6 +37,8 @@ pub struct SpokenTask {
     slots: Vec<Option<u16>>,
     /// By slot, as in the legend.
     kinds: Vec<Word>,
+    /// As in the legend.
+    wanted: Option<Wanted>,
     /// By fact; `None` for derived facts and what cannot be said.
     facts: Vec<Option<Packed>>,
     stop_at_goal: bool,
@@ -89,11 +91,12 @@ impl SpokenTask {
         let slot = |object: usize| legend.names.iter().position(|known| known == name(object));
         let objects = 0..task.problem.objects.len();
         let slots = objects.map(|object| slot(object).and_then(|slot| u16::try_from(slot).ok())).collect();
-        let (domain, kinds) = (legend.domain, legend.kinds.clone());
+        let (domain, kinds, wanted) = (legend.domain, legend.kinds.clone(), legend.wanted.clone());
         let mut spoken = Self {
             operators: Vec::new(),
             slots,
             kinds,
+            wanted,
             facts: Vec::new(),
             task,
             generator,
@@ -158,12 +161,12 @@ impl SpokenTask {
             let atoms = self.task.atoms(next);
             return atoms.iter().filter_map(|atom| self.pack(atom)).for_each(|atom| self.say(Sign::Plain, atom, words));
         }
-        self.say_difference(Sign::Added, next, before, words);
-        self.say_difference(Sign::Removed, before, next, words);
+        self.say_difference(true, next, before, words);
+        self.say_difference(false, before, next, words);
     }
 
-    /// Appends the facts that `some` has and `other` lacks.
-    fn say_difference(&self, sign: Sign, some: &State, other: &State, words: &mut Vec<Word>) {
+    /// Appends the facts that `some` has and `other` lacks: they become true, or false.
+    fn say_difference(&self, added: bool, some: &State, other: &State, words: &mut Vec<Word>) {
         let mut atoms = Vec::new();
         for (number, (&a, &b)) in some.0.iter().zip(&other.0).enumerate() {
             let mut bits = a & !b;
@@ -174,7 +177,7 @@ impl SpokenTask {
         }
         atoms.sort_unstable();
         for atom in atoms {
-            self.say(sign, atom, words);
+            self.say(sign_of_change(self.wanted.as_ref(), atom, added), atom, words);
         }
     }
 

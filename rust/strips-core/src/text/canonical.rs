@@ -23,6 +23,10 @@
 //! With [`Codec::saying_kinds`] each mention of an object is its type and its slot, `pick vessel o1`, as far as `<OBJECTS>`
 //! gives a type: whether an action may take it need not be looked up.
 //!
+//! With [`Layout::Progress`] each change of state says what it is to the goal: `toward+p` and `away+p`, `toward-p` and
+//! `away-p`, and `+p` and `-p` where the goal says nothing of it. What is still owed, a thing that was put aside and has to
+//! be put back, stands in the text then, in as many words.
+//!
 //! [`Layout::Report`] replaces names by slots and words by action names, and spells out goal, initial state and each
 //! state in full, in the report's order: the rewriting's parts can be measured apart.
 //!
@@ -39,6 +43,7 @@ mod packed;
 mod segments;
 mod signature;
 mod vocabulary;
+mod wanted;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -47,12 +52,14 @@ pub use hints::{Hints, Rows};
 pub use legend::Legend;
 pub use signature::{PredicateSignature, Signature, Synonyms};
 pub use vocabulary::{Vocabulary, Word};
+pub use wanted::Wanted;
 
 use crate::pddl::ast::Domain;
-pub(crate) use packed::Packed;
+pub use packed::Packed;
 pub(crate) use segments::Marker;
 use signature::Tables;
 pub(crate) use vocabulary::{Sign, mention};
+pub(crate) use wanted::sign_of_change;
 
 /// How much the rewriting takes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -60,6 +67,8 @@ pub(crate) use vocabulary::{Sign, mention};
 pub enum Layout {
     /// Slots, and goal and states as differences.
     Difference,
+    /// The same, and each change of state says whether it leads to the goal or away from it.
+    Progress,
     /// Slots alone; goal and every state spelled out as in the report.
     Report,
 }

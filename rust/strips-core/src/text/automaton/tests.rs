@@ -152,7 +152,7 @@ fn is_simple(scene: &Scene, plan: &[OperatorId]) -> bool {
 
 #[test]
 fn every_plan_that_visits_no_state_twice_is_allowed_and_no_other() {
-    for layout in [Layout::Difference, Layout::Report] {
+    for layout in [Layout::Difference, Layout::Progress, Layout::Report] {
         for (semantics, stop_at_goal) in [(Semantics::Any, false), (Semantics::FirstGoal, true)] {
             for scene in [Scene::new(layout, stop_at_goal), Scene::saying_kinds(layout, stop_at_goal)] {
                 let plans = PlanSet::new(scene.task.clone(), 7, semantics, &Limits::default()).unwrap();
@@ -256,7 +256,7 @@ fn fewest_steps(scene: &Scene, states: &FxHashSet<State>) -> usize {
 
 #[test]
 fn a_shortened_plan_is_the_shortest_through_the_states_of_the_walk() {
-    for layout in [Layout::Difference, Layout::Report] {
+    for layout in [Layout::Difference, Layout::Progress, Layout::Report] {
         let scene = Scene::new(layout, true);
         let (mut random, mut shorter) = (Random::new(4, 0), 0);
         for _ in 0..200 {

@@ -137,7 +137,7 @@ impl<'a> Decoder<'a> {
             Some((&PARTIAL, literals)) => self.partial_goal(literals),
             _ => {
                 let mut goal = self.before.clone();
-                self.changes(words, Sign::Wanted, Sign::Unwanted, &mut goal)?;
+                self.changes(words, Sign::demand, &mut goal)?;
                 self.write_canonical(&goal);
                 Some(())
             }
@@ -220,7 +220,7 @@ impl<'a> Decoder<'a> {
             Some((&WHOLE, words)) => self.spelled_state(words),
             _ => {
                 let mut state = self.before.clone();
-                self.changes(words, Sign::Added, Sign::Removed, &mut state)?;
+                self.changes(words, Sign::change, &mut state)?;
                 self.write_canonical(&state);
                 self.before = state;
                 Some(())
@@ -235,11 +235,11 @@ impl<'a> Decoder<'a> {
         Some(())
     }
 
-    /// Applies signed atoms to a state.
-    fn changes(&self, mut words: &[Word], add: Sign, remove: Sign, state: &mut Vec<Packed>) -> Option<()> {
+    /// Applies signed atoms to a state; `is_added` says of a sign whether it adds, or removes.
+    fn changes(&self, mut words: &[Word], is_added: fn(Sign) -> Option<bool>, state: &mut Vec<Packed>) -> Option<()> {
         while !words.is_empty() {
-            let (sign, atom, rest) = self.atom(words).filter(|found| found.0 == add || found.0 == remove)?;
-            change(state, atom, sign == add);
+            let (sign, atom, rest) = self.atom(words)?;
+            change(state, atom, is_added(sign)?);
             words = rest;
         }
         Some(())

@@ -12,6 +12,7 @@ use super::packed::{Packed, difference, sorted_set};
 use super::segments::{Marker, Segment, split};
 use super::signature::Tables;
 use super::vocabulary::{RAW, Sign, UNKNOWN, WHOLE, Word, mention};
+use super::wanted::{Wanted, sign_of_change};
 use super::{Codec, Hints, Layout, Signature};
 
 /// Appends the words of a text and gives back its legend.
@@ -62,6 +63,8 @@ struct Encoder<'c, 't, 'w> {
     kinds: Vec<Word>,
     ranks: Vec<u16>,
     before: Vec<Packed>,
+    /// What the goal wants, where changes say it.
+    wanted: Option<Wanted>,
     exceptions: Exceptions,
     written: u32,
 }
@@ -90,6 +93,7 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
             kinds: Vec::new(),
             ranks: Vec::new(),
             before: Vec::new(),
+            wanted: None,
             exceptions: Exceptions::default(),
             written: 0,
         }
@@ -214,8 +218,8 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
             self.emit_all(atoms);
         } else if self.is_canonical(atoms.clone()) {
             let before = std::mem::take(&mut self.before);
-            difference(&state, &before, |atom| self.emit(Sign::Added, atom));
-            difference(&before, &state, |atom| self.emit(Sign::Removed, atom));
+            difference(&state, &before, |atom| self.emit_change(atom, true));
+            difference(&before, &state, |atom| self.emit_change(atom, false));
         } else {
             self.words.push(WHOLE);
             self.emit_all(atoms);
@@ -227,6 +231,10 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
         for position in atoms {
             self.emit(Sign::Plain, self.atoms[position]);
         }
+    }
+
+    fn emit_change(&mut self, atom: Packed, added: bool) {
+        self.emit(sign_of_change(self.wanted.as_ref(), atom, added), atom);
     }
 
     fn emit(&mut self, sign: Sign, atom: Packed) {
@@ -247,8 +255,8 @@ impl<'c, 't: 'c, 'w> Encoder<'c, 't, 'w> {
         let words = self.action_words.iter().zip(own).map(|(word, own)| word.unwrap_or(own).to_owned()).collect();
         let names = self.names.iter().map(|&name| name.to_owned()).collect();
         let predicates = self.spoken_predicates().into_iter().map(str::to_owned).collect();
-        let (ranks, kinds, exceptions) = (self.ranks, self.kinds, self.exceptions);
-        Legend { domain: self.hints.domain, names, ranks, words, predicates, kinds, exceptions }
+        let (ranks, kinds, wanted, exceptions) = (self.ranks, self.kinds, self.wanted, self.exceptions);
+        Legend { domain: self.hints.domain, names, ranks, words, predicates, kinds, wanted, exceptions }
     }
 
     /// The word for each predicate; none where all go by their names.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::vocabulary::Word;
+use super::wanted::Wanted;
 
 /// Names and words of one text, and the text of what its canonical words cannot say.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,6 +22,9 @@ pub struct Legend {
     /// The word for the type of each slot's object that is said before it, 0 where none is; later slots have none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<Word>,
+    /// What the goal wants, where changes of state say whether they lead toward it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wanted: Option<Wanted>,
     /// What follows the prompt's markers where canonical words do not say it to the byte.
     #[serde(default, skip_serializing_if = "Exceptions::is_empty")]
     pub exceptions: Exceptions,

@@ -15,9 +15,9 @@ fn codec(layout: Layout) -> Codec {
 }
 
 /// Every way of writing.
-fn codecs() -> [Codec; 4] {
-    let [a, b] = [Layout::Difference, Layout::Report].map(codec);
-    [a.clone().saying_kinds(), b.clone().saying_kinds(), a, b]
+fn codecs() -> [Codec; 6] {
+    let [a, b, c] = [Layout::Difference, Layout::Progress, Layout::Report].map(codec);
+    [a.clone().saying_kinds(), b.clone().saying_kinds(), c.clone().saying_kinds(), a, b, c]
 }
 
 fn hints() -> Hints<'static> {
@@ -40,6 +40,43 @@ fn the_figure_in_canonical_words() {
     assert_eq!(legend.words, ["lift", "put", "push", "open", "close"]);
     assert!(legend.ranks.is_empty() && legend.exceptions.is_empty());
     assert_eq!(codec.decode(&words, &legend), FIGURE_4);
+}
+
+#[test]
+fn changes_say_what_they_are_to_a_whole_state() {
+    let codec = codec(Layout::Progress);
+    let (words, legend) = codec.encode(FIGURE_4, &hints());
+    let completion = &words[words.find("<ACTION>").unwrap()..];
+    assert_eq!(
+        completion,
+        "<ACTION> pick o2 <STATE> away+inhand o2 toward-on o2 o3 <ACTION> place o2 o0 <STATE> toward+on o2 o0 toward-inhand o2 \
+         <ACTION> open o2 <STATE> toward+opened o2 <ACTION> pick o1 <STATE> away+inhand o1 toward-on o1 o3 \
+         <ACTION> place o1 o2 <STATE> toward+on o1 o2 toward-inhand o1 <|endoftext|>"
+    );
+    assert_eq!(codec.decode(&words, &legend), FIGURE_4);
+    // A model's own words may say it wrong: the state is the same.
+    let wrong = words.replace("away+", "toward+").replace("toward-", "-");
+    assert_eq!(codec.decode(&wrong, &legend), FIGURE_4);
+}
+
+#[test]
+fn changes_say_what_they_are_to_literals() {
+    let codec = codec(Layout::Progress);
+    let prompt = "<|startoftext|> <GOAL> on(a, b), not opened(c) <INIT> on(a, b), inworkspace(a)";
+    let rest = "<ACTION> pick(a) <STATE> inhand(a), inworkspace(a) <ACTION> open(c) <STATE> inhand(a), inworkspace(a), opened(c) \
+        <ACTION> place(a, b) <STATE> inworkspace(a), on(a, b), opened(c) <ACTION> close(c) <STATE> inworkspace(a), on(a, b) \
+        <|endoftext|>";
+    let text = format!("{prompt} {rest}");
+    let (words, legend) = codec.encode(&text, &hints());
+    assert_eq!(
+        &words[words.find("<GOAL>").unwrap()..],
+        "<GOAL> <partial> goal=on o0 o1 goal!opened o2 <ACTION> pick o0 <STATE> +inhand o0 away-on o0 o1 \
+         <ACTION> open o2 <STATE> away+opened o2 <ACTION> place o0 o1 <STATE> toward+on o0 o1 -inhand o0 \
+         <ACTION> close o2 <STATE> toward-opened o2 <|endoftext|>"
+    );
+    assert_eq!(codec.decode(&words, &legend), text);
+    let saved: Legend = serde_json::from_str(&serde_json::to_string(&legend).unwrap()).unwrap();
+    assert_eq!(saved, legend);
 }
 
 #[test]

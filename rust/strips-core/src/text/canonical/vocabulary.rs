@@ -41,9 +41,37 @@ pub(crate) enum Sign {
     Kept,
     /// Must be false and is.
     Avoided,
+    /// Becomes true, as the goal wants it.
+    AddedToward,
+    /// Becomes true, and the goal wants it false.
+    AddedAway,
+    /// Becomes false, as the goal wants it.
+    RemovedToward,
+    /// Becomes false, and the goal wants it true.
+    RemovedAway,
 }
 
-pub(crate) const SIGNS: [(Sign, &str); 7] = [
+impl Sign {
+    /// Whether the atom becomes true in a state, or false; `None` where the sign is no change's.
+    pub(super) fn change(self) -> Option<bool> {
+        match self {
+            Sign::Added | Sign::AddedToward | Sign::AddedAway => Some(true),
+            Sign::Removed | Sign::RemovedToward | Sign::RemovedAway => Some(false),
+            _ => None,
+        }
+    }
+
+    /// Whether the atom must become true for the goal, or false; `None` where the sign is no such thing's.
+    pub(super) fn demand(self) -> Option<bool> {
+        match self {
+            Sign::Wanted => Some(true),
+            Sign::Unwanted => Some(false),
+            _ => None,
+        }
+    }
+}
+
+pub(crate) const SIGNS: [(Sign, &str); 11] = [
     (Sign::Plain, ""),
     (Sign::Added, "+"),
     (Sign::Removed, "-"),
@@ -51,6 +79,10 @@ pub(crate) const SIGNS: [(Sign, &str); 7] = [
     (Sign::Unwanted, "goal-"),
     (Sign::Kept, "goal="),
     (Sign::Avoided, "goal!"),
+    (Sign::AddedToward, "toward+"),
+    (Sign::AddedAway, "away+"),
+    (Sign::RemovedToward, "toward-"),
+    (Sign::RemovedAway, "away-"),
 ];
 
 /// All canonical words of a codec.
@@ -79,7 +111,11 @@ impl Vocabulary {
     }
 
     fn add_signs(&mut self, predicate: &str, layout: Layout) {
-        let signs = if layout == Layout::Report { &SIGNS[..1] } else { &SIGNS[..] };
+        let signs = match layout {
+            Layout::Report => &SIGNS[..1],
+            Layout::Difference => &SIGNS[..7],
+            Layout::Progress => &SIGNS[..],
+        };
         for &(sign, _) in signs {
             self.add(signed(sign, predicate));
         }

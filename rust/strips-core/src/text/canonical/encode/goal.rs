@@ -6,6 +6,7 @@ use super::super::Layout;
 use super::super::packed::{Packed, difference, sorted_set};
 use super::super::segments::Marker;
 use super::super::vocabulary::{NOT, PARTIAL, RAW, Sign, Word};
+use super::super::wanted::Wanted;
 use super::{Atoms, Encoder, content};
 
 impl<'t> Encoder<'_, 't, '_> {
@@ -53,10 +54,13 @@ impl<'t> Encoder<'_, 't, '_> {
         let (init, goal) = (sorted_set(&self.atoms[self.init.clone()]), sorted_set(&self.atoms[goal]));
         difference(&goal, &init, |atom| self.emit(Sign::Wanted, atom));
         difference(&init, &goal, |atom| self.emit(Sign::Unwanted, atom));
+        self.wants(Wanted::whole(goal));
     }
 
     fn write_partial_goal(&mut self, goal: Atoms, signs: &[bool]) {
         self.words.push(PARTIAL);
+        let literals = goal.clone().zip(signs.iter().copied());
+        self.wants(Wanted::literals(literals.map(|(position, positive)| (self.atoms[position], positive))));
         let init = sorted_set(&self.atoms[self.init.clone()]);
         for (position, &positive) in goal.zip(signs) {
             let atom = self.atoms[position];
@@ -68,6 +72,10 @@ impl<'t> Encoder<'_, 't, '_> {
             };
             self.emit(sign, atom);
         }
+    }
+
+    fn wants(&mut self, wanted: Wanted) {
+        self.wanted = (self.codec.layout() == Layout::Progress).then_some(wanted);
     }
 
     /// Whether the goal is a whole state, told or guessed.
