@@ -40,6 +40,7 @@ def questions() -> Questions:
         (["te", "tea"], False, "progress"),
         (["tea", "teapot"], True, "progress"),
         ([], False, "difference"),
+        (["te"], True, "report"),
     ],
 )
 def tokenizer(request: Any) -> SpelledTokenizer:

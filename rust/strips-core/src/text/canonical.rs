@@ -55,7 +55,7 @@ pub use vocabulary::{Vocabulary, Word};
 pub use wanted::Wanted;
 
 use crate::pddl::ast::Domain;
-pub use packed::Packed;
+pub(crate) use packed::Packed;
 pub(crate) use segments::Marker;
 use signature::Tables;
 pub(crate) use vocabulary::{Sign, mention};

@@ -40,12 +40,7 @@ pub fn by_rows<S: Simd, const M: usize>(
     let left: [&[f32]; M] = array::from_fn(|i| &left[i * across..][..count]);
     let mut sums = [[simd.splat_f32s(0.0); 2]; M];
     for (j, right) in right.chunks(wide).take(count).enumerate() {
-        let right = S::as_simd_f32s(&right[..2 * S::F32_LANES]).0;
-        for (sum, left) in sums.iter_mut().zip(left) {
-            let factor = simd.splat_f32s(left[j]);
-            sum[0] = simd.mul_add_e_f32s(factor, right[0], sum[0]);
-            sum[1] = simd.mul_add_e_f32s(factor, right[1], sum[1]);
-        }
+        add_multiples(simd, &mut sums, right, left.iter().map(|left| left[j]));
     }
     sums
 }
@@ -62,14 +57,25 @@ fn by_columns<S: Simd, const M: usize>(
 ) -> [[S::f32s; 2]; M] {
     let mut sums = [[simd.splat_f32s(0.0); 2]; M];
     for (left, right) in left.chunks(across).zip(right.chunks(wide)).take(count) {
-        let right = S::as_simd_f32s(&right[..2 * S::F32_LANES]).0;
-        for (sum, &factor) in sums.iter_mut().zip(&left[..M]) {
-            let factor = simd.splat_f32s(factor);
-            sum[0] = simd.mul_add_e_f32s(factor, right[0], sum[0]);
-            sum[1] = simd.mul_add_e_f32s(factor, right[1], sum[1]);
-        }
+        add_multiples(simd, &mut sums, right, left[..M].iter().copied());
     }
     sums
+}
+
+/// Adds to each of `M` sums its factor times the first two registers' worth of a row.
+#[inline(always)]
+fn add_multiples<S: Simd, const M: usize>(
+    simd: S,
+    sums: &mut [[S::f32s; 2]; M],
+    row: &[f32],
+    factors: impl Iterator<Item = f32>,
+) {
+    let row = S::as_simd_f32s(&row[..2 * S::F32_LANES]).0;
+    for (sum, factor) in sums.iter_mut().zip(factors) {
+        let factor = simd.splat_f32s(factor);
+        sum[0] = simd.mul_add_e_f32s(factor, row[0], sum[0]);
+        sum[1] = simd.mul_add_e_f32s(factor, row[1], sum[1]);
+    }
 }
 
 /// Adds `M` sums to as many rows.

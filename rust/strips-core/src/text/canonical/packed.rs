@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// A predicate and its arguments' slots, 16 bits each, so that order of numbers is order of (predicate, slots).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub struct Packed(u128);
+pub(crate) struct Packed(u128);
 
 impl Packed {
     /// The most arguments that an atom can have in canonical words; with more, its segment is `<raw>`.

@@ -17,9 +17,8 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    /// What a goal wants that is a whole state of these atoms.
-    pub(super) fn whole(mut yes: Vec<Packed>) -> Self {
-        yes.sort_unstable();
+    /// What a goal wants that is a whole state of these atoms, which ascend.
+    pub(super) fn whole(yes: Vec<Packed>) -> Self {
         Self { whole: true, yes, no: Vec::new() }
     }
 
