@@ -276,6 +276,34 @@ fn several_domains_share_one_vocabulary() {
 }
 
 #[test]
+fn names_that_look_like_a_sign_and_a_predicate_keep_apart() {
+    let mut domain = manipulation();
+    let names = ["on", "goal-on", "goal-goal-on", "away-on", "toward-goal-on"];
+    domain.predicates.iter_mut().zip(names).for_each(|(predicate, name)| predicate.name = name.into());
+    let known: Vec<_> =
+        domain.predicates.iter().map(|predicate| (&predicate.name, predicate.parameters.len())).collect();
+    let said = |number: usize| {
+        let (name, arity) = known[number % known.len()];
+        format!("{name}({})", ["a", "b"][..arity].join(", "))
+    };
+    for layout in [Layout::Difference, Layout::Progress, Layout::Report] {
+        let codec = Codec::new(&[(&domain, Synonyms::default())], layout);
+        let mut words = codec.vocabulary().words().to_vec();
+        words.sort_unstable();
+        assert!(words.is_sorted_by(|a, b| a < b));
+        for number in 0..known.len() {
+            let (one, other) = (said(number), said(number + 1));
+            let text = format!(
+                "<|startoftext|> <GOAL> {one}, not {other} <INIT> {other} <ACTION> pick(a) <STATE> {one} <|endoftext|>"
+            );
+            let (words, legend) = codec.encode(&text, &hints());
+            assert!(!words.contains("<raw>"), "{words}");
+            assert_eq!(codec.decode(&words, &legend), text);
+        }
+    }
+}
+
+#[test]
 fn ids_and_words_agree() {
     let codec = codec(Layout::Difference);
     let all = codec.encode_ids_batch(&[FIGURE_4, TYPED], &Rows::default());

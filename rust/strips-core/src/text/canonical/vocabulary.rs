@@ -199,14 +199,21 @@ pub(super) fn prompt_length(words: &[Word]) -> usize {
     words.iter().position(begins).unwrap_or(words.len())
 }
 
-/// The word of a type, an action or a predicate in `sign`. An apostrophe keeps names like `o1` apart from slots.
+/// The word of a type, an action or a predicate in `sign`. An apostrophe keeps names like `o1` apart from slots, and names
+/// like `goal-on` from words with a sign.
 pub(super) fn signed(sign: Sign, name: &str) -> String {
     format!("{}{}", SIGNS[sign as usize].1, plain(name))
 }
 
 pub(super) fn plain(name: &str) -> String {
     let like_slot = name.strip_prefix('o').is_some_and(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()));
-    if like_slot && name.len() > 1 { format!("{name}'") } else { name.to_owned() }
+    if like_slot && name.len() > 1 {
+        format!("{name}'")
+    } else if SIGNS[1..].iter().any(|(_, sign)| name.starts_with(sign)) {
+        format!("'{name}")
+    } else {
+        name.to_owned()
+    }
 }
 
 /// Appends a letter and a number.
