@@ -15,7 +15,7 @@ from transformers import AutoConfig, GPT2Config, GPT2DoubleHeadsModel, GPT2LMHea
 from transformers.utils import logging
 
 from strips_lm._native import DataError
-from strips_lm.forward import sinusoids
+from strips_lm.initialisation import start_from_looking_back, start_from_sinusoids
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
 
 if TYPE_CHECKING:
@@ -49,7 +49,8 @@ def make_model(config: ModelConfig, tokenizer: PlanTokenizer, seed: int) -> PreT
         return _pretrained(config, tokenizer)
     model = CLASSES[config.kind](_gpt2_config(config, tokenizer))
     if config.positions == "sinusoid":
-        _start_from_sinusoids(model)
+        start_from_sinusoids(model)
+        start_from_looking_back(model, config.previous_token_heads)
     return model
 
 
@@ -151,10 +152,3 @@ def _lstm_config(config: ModelConfig, tokenizer: PlanTokenizer) -> LstmConfig:
         eos_token_id=tokenizer.end_id,
         pad_token_id=tokenizer.end_id,
     )
-
-
-@torch.no_grad()
-def _start_from_sinusoids(model: Any) -> None:
-    """Learned positions start as sinusoids of four times the spread of the other embeddings (docs/experiments.md)."""
-    table = model.transformer.wpe.weight
-    table.copy_(sinusoids(*table.shape) * (4.0 * 2**0.5 * model.config.initializer_range))

@@ -182,6 +182,9 @@ class ModelConfig:
     """Whether the output layer is the embedding's transpose, as in GPT-2."""
     positions: Literal["sinusoid", "normal"] = "sinusoid"
     """What learned positions start from."""
+    previous_token_heads: int = 0
+    """Heads of the first block that start by looking at the token before, the second at the one before that, and so
+    on; needs sinusoid positions."""
     initial: str = ""
     """A checkpoint's name or folder to start from; empty starts from random weights."""
 
@@ -189,6 +192,11 @@ class ModelConfig:
         check(min(self.layers, self.width, self.heads, self.context) > 0, "the sizes in `model` must be positive")
         check(self.width % self.heads == 0, "`model.heads` must divide `model.width`")
         check(0.0 <= self.dropout < 1.0, "`model.dropout` must be at least 0 and less than 1")
+        check(0 <= self.previous_token_heads <= self.heads, "`model.previous_token_heads` are at most `model.heads`")
+        check(
+            self.positions == "sinusoid" or not self.previous_token_heads,
+            "`model.previous_token_heads` find tokens by sinusoids: `model.positions` must be `sinusoid`",
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
