@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from strips_lm.config import ConfigError, ModelConfig
+from strips_lm.initialisation import sinusoids
 from strips_lm.model import make_model
 
 LENGTH = 200
@@ -51,3 +52,10 @@ def test_what_cannot_be_is_said():
         ModelConfig(heads=4, previous_token_heads=5)
     with pytest.raises(ConfigError, match="must be `sinusoid`"):
         ModelConfig(positions="normal", previous_token_heads=1)
+
+
+def test_sinusoids_are_those_of_the_paper():
+    table = sinusoids(10, 6)
+    assert table.shape == (10, 6)
+    torch.testing.assert_close(table[0], torch.tensor([0.0, 1.0] * 3))
+    torch.testing.assert_close(table[:, 0], torch.arange(10.0).sin())

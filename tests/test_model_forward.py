@@ -6,7 +6,7 @@ from transformers import GPT2Config, GPT2DoubleHeadsModel, GPT2LMHeadModel
 
 from strips_lm import forward, tuning
 from strips_lm.config import TrainConfig
-from strips_lm.forward import hidden_at, sinusoids
+from strips_lm.forward import hidden_at
 
 
 def gpt2(kind=GPT2LMHeadModel, **changes):
@@ -73,13 +73,6 @@ def test_dropout_acts_in_training_only():
     model.eval()
     runs = [hidden_at(model.transformer, ids, positions, torch.arange(9), torch.float32) for _ in range(2)]
     assert torch.equal(*runs)
-
-
-def test_sinusoids_are_those_of_the_paper():
-    table = sinusoids(10, 6)
-    assert table.shape == (10, 6)
-    torch.testing.assert_close(table[0], torch.tensor([0.0, 1.0] * 3))
-    torch.testing.assert_close(table[:, 0], torch.arange(10.0).sin())
 
 
 @pytest.mark.parametrize(("native", "wanted"), [(True, "bfloat16"), (False, "float32")])

@@ -141,10 +141,3 @@ def _linear(layer: Any, hidden: Tensor) -> Tensor:
 
 def _drop(hidden: Tensor, dropout: Any) -> Tensor:
     return F.dropout(hidden, dropout.p, dropout.training) if dropout.p > 0.0 else hidden
-
-
-def sinusoids(positions: int, width: int) -> Tensor:
-    """(positions, width) sines and cosines (Vaswani et al. 2017) that learned positions may start from."""
-    rates = torch.exp(torch.arange(0, width, 2) * (-math.log(10_000.0) / width))
-    angles = torch.arange(positions)[:, None] * rates[None, :]
-    return torch.stack((angles.sin(), angles.cos()), dim=-1).reshape(positions, -1)[:, :width]

@@ -10,19 +10,26 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from strips_lm.forward import sinusoids
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from torch import Tensor
 
+LONGEST = 10_000.0
+"""How much slower than the fastest the slowest wave of the sinusoids is (Vaswani et al. 2017)."""
 SPREAD = 4.0
 """How much larger than the other embeddings positions start (docs/experiments.md)."""
-RATES = 8
+WAVES = 8
 """Waves by which a head finds the token that it looks back to."""
 SHARPNESS = 4.0
 """What queries and keys of such a head multiply them by: the token looked for gets 0.99 of the attention."""
+
+
+def sinusoids(positions: int, width: int) -> Tensor:
+    """(positions, width) sines and cosines (Vaswani et al. 2017) that learned positions may start from."""
+    rates = torch.exp(torch.arange(0, width, 2) * (-math.log(LONGEST) / width))
+    angles = torch.arange(positions)[:, None] * rates[None, :]
+    return torch.stack((angles.sin(), angles.cos()), dim=-1).reshape(positions, -1)[:, :width]
 
 
 @torch.no_grad()
@@ -58,8 +65,8 @@ Wave = tuple[int, int, float]
 
 def _waves(width: int, size: int) -> list[Wave]:
     """The waves that a head of `size` finds distances by: of a width of 128 the fastest, of others about the same."""
-    numbers = range(0, width // 2, max(1, width // 128))[: min(RATES, size // 2)]
-    return [(2 * number, 2 * number + 1, 10_000.0 ** (-2 * number / width)) for number in numbers]
+    numbers = range(0, width // 2, max(1, width // 128))[: min(WAVES, size // 2)]
+    return [(2 * number, 2 * number + 1, LONGEST ** (-2 * number / width)) for number in numbers]
 
 
 def _look_back(attention: Any, first: int, tokens: int, waves: Sequence[Wave]) -> None:

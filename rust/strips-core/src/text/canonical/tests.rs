@@ -276,9 +276,20 @@ fn several_domains_share_one_vocabulary() {
 }
 
 #[test]
-fn names_that_look_like_a_sign_and_a_predicate_keep_apart() {
+fn names_that_look_like_other_words_keep_apart() {
+    for names in [
+        ["on", "goal-on", "goal-goal-on", "away-on", "toward-goal-on"],
+        ["on", "goal-on", "'goal-on", "''goal-on", "goal-'goal-on"],
+        ["o1", "o1'", "o1''", "'o1", "+o1"],
+    ] {
+        names_keep_apart(names, true);
+    }
+    // A text cannot be split where these stand, so that it is kept as it is.
+    names_keep_apart(["<raw>", "'<raw>", "<GOAL>", "<whole>", "-<raw>"], false);
+}
+
+fn names_keep_apart(names: [&str; 5], are_said: bool) {
     let mut domain = manipulation();
-    let names = ["on", "goal-on", "goal-goal-on", "away-on", "toward-goal-on"];
     domain.predicates.iter_mut().zip(names).for_each(|(predicate, name)| predicate.name = name.into());
     let known: Vec<_> =
         domain.predicates.iter().map(|predicate| (&predicate.name, predicate.parameters.len())).collect();
@@ -297,7 +308,7 @@ fn names_that_look_like_a_sign_and_a_predicate_keep_apart() {
                 "<|startoftext|> <GOAL> {one}, not {other} <INIT> {other} <ACTION> pick(a) <STATE> {one} <|endoftext|>"
             );
             let (words, legend) = codec.encode(&text, &hints());
-            assert!(!words.contains("<raw>"), "{words}");
+            assert!(!are_said || legend.exceptions.is_empty(), "{words}");
             assert_eq!(codec.decode(&words, &legend), text);
         }
     }

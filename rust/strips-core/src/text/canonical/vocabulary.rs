@@ -199,17 +199,19 @@ pub(super) fn prompt_length(words: &[Word]) -> usize {
     words.iter().position(begins).unwrap_or(words.len())
 }
 
-/// The word of a type, an action or a predicate in `sign`. An apostrophe keeps names like `o1` apart from slots, and names
-/// like `goal-on` from words with a sign.
+/// The word of a type, an action or a predicate in `sign`.
 pub(super) fn signed(sign: Sign, name: &str) -> String {
     format!("{}{}", SIGNS[sign as usize].1, plain(name))
 }
 
+/// The word of a name without a sign. An apostrophe keeps those like `o1` apart from slots, and those like `goal-on` or
+/// `<raw>` from words with a sign, from markers and escapes; and those that have one in its place from these.
 pub(super) fn plain(name: &str) -> String {
-    let like_slot = name.strip_prefix('o').is_some_and(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()));
-    if like_slot && name.len() > 1 {
+    let number = name.strip_prefix('o').map_or("", |rest| rest.trim_end_matches('\''));
+    let like_sign = |name: &str| SIGNS[1..].iter().any(|(_, sign)| name.starts_with(sign));
+    if !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) {
         format!("{name}'")
-    } else if SIGNS[1..].iter().any(|(_, sign)| name.starts_with(sign)) {
+    } else if name.starts_with(['\'', '<']) || like_sign(name) {
         format!("'{name}")
     } else {
         name.to_owned()
