@@ -100,6 +100,20 @@ def test_what_a_mixture_cannot_be_is_said_by_name(cli, data: Path) -> None:
     assert (found.code, "give the folder of one: ferry, gripper, hanoi" in found.err) == (2, True)
 
 
+def test_suites_are_those_of_the_default_that_are_there_or_the_named_ones(cli, run: Path, data: Path) -> None:
+    few = ("--limit", 1, "--set", "evaluate.pairs=1", "--json", run.parent / "found.json")
+    for folder, prefix in ((data / "gripper", ""), (data, "gripper/")):
+        assert cli("evaluate", run, "--data", folder, *few).code == 0
+        scored = {score["suite"] for score in json.loads((run.parent / "found.json").read_text())["scores"]}
+        assert {f"{prefix}seen", f"{prefix}longer"} < scored
+        assert f"{prefix}unseen-template" not in scored
+    found = cli("evaluate", run, "--data", data / "gripper", *few)
+    assert "gripper: no suite `unseen-template`, left out" in found.err
+    for folder in (data / "gripper", data):
+        found = cli("evaluate", run, "--data", folder, "--suite", "unseen-template", *few)
+        assert (found.code, "no suite `unseen-template`" in found.err) == (2, True)
+
+
 def test_words_are_shared_and_the_domain_says_how_many_objects_they_take(data: Path, tmp_path: Path) -> None:
     whole = CanonicalTokenizer.of_data(data, 32, "difference")
     alone = [CanonicalTokenizer.of_data(data / name, 32, "difference") for name in DOMAINS]

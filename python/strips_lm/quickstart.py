@@ -14,7 +14,7 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path  # noqa: TC003  (dataclass fields are public types)
 from typing import TYPE_CHECKING
 
@@ -183,10 +183,7 @@ class Quickstart:
         config = RunConfig.load(
             None, [f"evaluate.limit={self.limit}", f"evaluate.pairs={self.limit}", f"seed={self.seed}"]
         )
-        data = DataFolder(self.out / DATA)
-        present = [suite for suite in config.evaluate.suites if suite in data.suites()]
-        config = replace(config, evaluate=replace(config.evaluate, suites=tuple(present)))
-        results = Evaluation(config, data, self.tell, self.tick).run([self._model(entrant)])
+        results = Evaluation(config, DataFolder(self.out / DATA), self.tell, self.tick).run([self._model(entrant)])
         results.save(path)
         return results
 

@@ -19,7 +19,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.add_argument("models", metavar="MODEL", nargs="*", help="folders that `strips-lm train` wrote")
     parser.add_argument("--data", metavar="DIR", help="the data set, or a mixture of several")
-    parser.add_argument("--suite", action="append", metavar="NAME", help="a suite (again for more; default: all eight)")
+    parser.add_argument(
+        "--suite",
+        action="append",
+        metavar="NAME",
+        help="a suite (again for more; default: all eight, as far as they are there)",
+    )
     own = "PDDL problems of the data set's domain as a suite (again for more); without `--suite` they are all"
     parser.add_argument("--problems", action="append", metavar="FOLDER", help=own)
     ways = "greedy, sample, beam, best-of-k, replan, masked, masked-replan, search or search-replan (again for more)"

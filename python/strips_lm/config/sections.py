@@ -192,10 +192,14 @@ class ModelConfig:
         check(min(self.layers, self.width, self.heads, self.context) > 0, "the sizes in `model` must be positive")
         check(self.width % self.heads == 0, "`model.heads` must divide `model.width`")
         check(0.0 <= self.dropout < 1.0, "`model.dropout` must be at least 0 and less than 1")
-        check(0 <= self.previous_token_heads <= self.heads, "`model.previous_token_heads` are at most `model.heads`")
+        check(
+            0 <= self.previous_token_heads <= self.heads,
+            f"`model.previous_token_heads` are 0 to `model.heads`, {self.heads}",
+        )
         check(
             self.positions == "sinusoid" or not self.previous_token_heads,
-            "`model.previous_token_heads` find tokens by sinusoids: `model.positions` must be `sinusoid`",
+            "`model.previous_token_heads` find tokens by sinusoids, and `model.positions` are none\n"
+            "hint: `--set model.previous_token_heads=0`",
         )
 
 
@@ -356,21 +360,25 @@ class GenerateConfig:
         check(min(counts) >= 0, "`generate.top_k`, `generate.workers` and `generate.renew_steps` are at least 0")
 
 
+SUITES = (
+    "seen",
+    "unseen-objects",
+    "unseen-made-up-names",
+    "unseen-actions",
+    "unseen-shapes",
+    "unseen-template",
+    "more-objects",
+    "longer",
+)
+"""The suites that are scored unless others are named, as far as a data set has them."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EvaluateConfig:
     """What is scored."""
 
-    suites: tuple[str, ...] = (
-        "seen",
-        "unseen-objects",
-        "unseen-made-up-names",
-        "unseen-actions",
-        "unseen-shapes",
-        "unseen-template",
-        "more-objects",
-        "longer",
-    )
-    """Suites of the data set, in the order of the table."""
+    suites: tuple[str, ...] = SUITES
+    """Suites of the data set, in the order of the table; those of the default that it does not have are left out."""
     problems: tuple[str, ...] = ()
     """Folders of PDDL problems of the data set's domain, each a suite of its own after those."""
     decodes: tuple[str, ...] = ("greedy",)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from strips_lm import tokenizer as tokenizers
 from strips_lm.config import ConfigError, RunConfig, versions
 from strips_lm.config.names import suggestion
+from strips_lm.config.sections import SUITES
 from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.renaming import Names, invariance
 from strips_lm.evaluate.results import OWN_SAMPLE, Example, Invariance, Model, Output, Results, Score
@@ -67,7 +68,7 @@ def _parts(config: RunConfig, folders: Sequence[DataFolder]) -> list[RunConfig]:
     """
     there = [set(folder.suites()) for folder in folders]
     for suite in config.evaluate.suites:
-        if not any(suite in names for names in there):
+        if config.evaluate.suites != SUITES and not any(suite in names for names in there):
             raise ConfigError(f"no suite `{suite}` in any data set{suggestion(suite, set().union(*there))}")
     suites = [tuple(suite for suite in config.evaluate.suites if suite in names) for names in there]
     return [replace(config, evaluate=replace(config.evaluate, suites=found)) for found in suites]
@@ -92,9 +93,17 @@ class Evaluation:
             check_decode(decode)
         self.config, self.data, self.tell, self.tick = config, data, tell, tick
         limit = config.evaluate.limit
-        self.suites = [Suite.open(data, name, limit) for name in config.evaluate.suites]
+        self.suites = [Suite.open(data, name, limit) for name in self._names()]
         self.suites += [Suite.of_problems(data, folder, limit) for folder in config.evaluate.problems]
         self.results = Results(data=str(data.path), config=_settings(config), created=_now(), versions=versions())
+
+    def _names(self) -> list[str]:
+        """The suites that are asked for; of the default those that the data set has."""
+        named, there = self.config.evaluate.suites, self.data.suites()
+        missing = [name for name in named if name not in there] if named == SUITES else []
+        for name in missing:
+            self.tell(f"{self.data.path.name}: no suite `{name}`, left out")
+        return [name for name in named if name not in missing]
 
     def run(self, folders: Sequence[str | Path]) -> Results:
         """Evaluate each model on each suite.
