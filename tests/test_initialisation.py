@@ -50,7 +50,7 @@ def test_no_head_looks_back_unless_asked():
 def test_what_cannot_be_is_said():
     with pytest.raises(ConfigError, match=r"`model[.]previous_token_heads` are 0 to `model[.]heads`, 4"):
         ModelConfig(heads=4, previous_token_heads=5)
-    with pytest.raises(ConfigError, match="model.previous_token_heads=0"):
+    with pytest.raises(ConfigError, match=r"model[.]previous_token_heads=0"):
         ModelConfig(positions="normal", previous_token_heads=1)
 
 
