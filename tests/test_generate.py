@@ -18,6 +18,7 @@ from transformers import GPT2Config, GPT2DoubleHeadsModel  # noqa: E402
 from strips_lm.cli import main  # noqa: E402
 from strips_lm.config import ConfigError, RunConfig  # noqa: E402
 from strips_lm.generate import Planner  # noqa: E402
+from strips_lm.rerank import head_scores, rate  # noqa: E402
 from strips_lm.tokenizer import BpeTokenizer  # noqa: E402
 
 PROMPTS = [
@@ -67,7 +68,7 @@ def test_the_oracle_chooses_what_it_accepts(checkpoint: Path) -> None:
     def judge(_: Any, texts: Any) -> list[bool]:
         return [text in wanted for text in texts]
 
-    chosen = found.choose(PROMPTS, drawn, "oracle", judge)
+    chosen = found.choose(drawn, rate(found, drawn, "oracle", judge))
     assert {c.text for c in chosen.completions} == wanted
 
 
@@ -81,7 +82,7 @@ def test_the_head_chooses_by_its_own_logit(checkpoint: Path) -> None:
             out = found.model(ids, mc_token_ids=torch.tensor([[ids.shape[-1] - 1]]))
         logits.append(float(out.mc_logits))
     best = [max(range(p * 3, p * 3 + 3), key=lambda i: (drawn.made[i].finished, logits[i])) for p in range(2)]
-    chosen = found.choose(PROMPTS, drawn, "head")
+    chosen = found.choose(drawn, rate(found, drawn, "head"))
     assert [c.text for c in chosen.completions] == [drawn.texts[i].text for i in best]
 
 
@@ -89,7 +90,7 @@ def test_the_head_reads_texts_that_fill_the_context(checkpoint: Path) -> None:
     found = planner(checkpoint, "generate.max_new=600", "generate.samples=8")
     drawn = found.draw(PROMPTS)
     assert max(len(drawn.whole(i)) for i in range(len(drawn.made))) == found.model_context + 1
-    assert all(map(math.isfinite, found.head_scores(drawn)))
+    assert all(map(math.isfinite, head_scores(found, drawn)))
 
 
 def test_planning_anew_asks_from_the_state_that_was_written(checkpoint: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 torch = pytest.importorskip("torch")
 torch.set_num_threads(1)
 
-from strips_lm.evaluate.stepwise import stepwise  # noqa: E402
+from strips_lm.stepwise import stepwise  # noqa: E402
 from test_generate import PROMPTS, TEXT, checkpoint, planner  # noqa: E402, F401  (a fixture is used by its name)
 
 

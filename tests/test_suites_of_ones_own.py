@@ -51,11 +51,12 @@ def test_plans_are_compared_by_operators_with_names_given_back() -> None:
     assert operators(text, {"cup": "x"}) == (("pick", "x"), ("place", "x", "shelf"))
 
 
-def test_the_head_closes_a_share_of_the_distance_to_the_oracle() -> None:
-    shares = {"first": 100, "head": 130, "likelihood": 90, "oracle": 160}
+def test_each_choice_closes_a_share_of_the_distance_to_the_oracle() -> None:
+    shares = {"first": 100, "head": 130, "likelihood": 90, "replan": 160, "oracle": 160}
     samples = [score("m", "seen", valid, f"best-of-8 by {choice}") for choice, valid in shares.items()]
     closed = {gap.choice: gap.closed for gap in rerank_gaps(samples)}
-    assert closed == pytest.approx({"best-of-8 by head": 0.5, "best-of-8 by likelihood": -1 / 6})
+    wanted = {"best-of-8 by head": 0.5, "best-of-8 by likelihood": -1 / 6, "best-of-8 by replan": 1.0}
+    assert closed == pytest.approx(wanted)
     greedy = score("m", "seen", 120)
     assert rerank_gaps([greedy, *samples])[0].closed == pytest.approx(0.25)
     level = [replace(s, valid=100) for s in samples]

@@ -68,6 +68,16 @@ class Row:
         return len(self.prompt) + len(self.completion)
 
 
+def padded_parts(lengths: Sequence[int], most: int) -> list[list[int]]:
+    """Indices of rows, those of like length together, in parts of at most `most` padded tokens (or of a single row)."""
+    parts: list[list[int]] = []
+    for index in np.argsort(lengths, kind="stable").tolist():
+        if not parts or (len(parts[-1]) + 1) * lengths[index] > most:
+            parts.append([])
+        parts[-1].append(index)
+    return parts
+
+
 def collate(rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int, spread: float = math.inf) -> Batch:
     """Lay out rows in blocks and index what the losses read; `pairs` lists the rows of each choice, positive first.
 

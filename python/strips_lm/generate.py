@@ -21,15 +21,14 @@ from strips_lm.config.names import suggestion
 from strips_lm.decode import Generation, Greedy, Job, Limits, Loop, Sample, run_jobs
 from strips_lm.decode.beam import beam_search
 from strips_lm.decode.decoders import decoders_of
-from strips_lm.decode.loop import pad
 from strips_lm.decode.masked import MaskedLoop
 from strips_lm.decode.search import Budget, SearchLoop
 from strips_lm.fallback import Fallback
-from strips_lm.forward import hidden_at
 from strips_lm.guides import oracle_guide
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
 from strips_lm.replan import Encoded, Renewal, replan
+from strips_lm.rerank import Drawn, rate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -41,10 +40,9 @@ if TYPE_CHECKING:
     from strips_lm.decode.decoders import Decoders
     from strips_lm.decode.masked import Listener
     from strips_lm.guide import Tasks
+    from strips_lm.rerank import Judge, Rating
     from strips_lm.tokenizer import PlanTokenizer
 
-    Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
-    """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
 
 Decode = Literal[
     "greedy", "sample", "beam", "best-of-k", "replan", "masked", "masked-replan", "search", "search-replan"
@@ -55,9 +53,6 @@ DECODES: tuple[str, ...] = get_args(Decode)
 
 GUIDED = ("masked", "masked-replan", "search", "search-replan")
 """Of these, the ones in which the oracle says what may come next."""
-
-Rerank = Literal["head", "likelihood", "oracle"]
-"""Who chooses among the samples of `best-of-k`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +166,7 @@ class Planner:
         check_decode(decode)
         if decode == "best-of-k":
             drawn = self.draw(prompts, tick)
-            return self.choose(prompts, drawn, self.config.rerank, judge)
+            return self.choose(drawn, rate(self, drawn, self.config.rerank, judge))
         started = time.perf_counter()
         if decode == "replan":
             completions = replan(prompts, self._first_steps, self.config.samples, self.config.max_new, tick)
@@ -182,58 +177,19 @@ class Planner:
         return Batch(completions, sum(len(g.tokens) for g in made), time.perf_counter() - started)
 
     def draw(self, prompts: Sequence[str], tick: Callable[[int], None] | None = None) -> Drawn:
-        """`config.samples` samples for each prompt, with all that the three ways of choosing need."""
+        """`config.samples` samples for each prompt, with all that the ways of choosing need."""
         started = time.perf_counter()
         ids, legends = self.tokenizer.encode_prompts(prompts)
         made = self._decode(ids, "sample", tick, draws=self.config.samples, score=True)
         many = [i for i in range(len(ids)) for _ in range(self.config.samples)]
         texts = self._texts([ids[i] for i in many], [legends[i] for i in many], made)
-        return Drawn(ids, made, texts, time.perf_counter() - started)
+        return Drawn(prompts, ids, made, texts, time.perf_counter() - started)
 
-    def choose(self, prompts: Sequence[str], drawn: Drawn, rerank: str, judge: Judge | None = None) -> Batch:
-        """The best of each prompt's samples by the head, by likelihood, or by the oracle (then by likelihood).
-
-        By `first` it is the first one, which is what a single sample is worth.
-        """
-        started = time.perf_counter()
-        k = self.config.samples
-        scores = [(0.0,)] * len(drawn.made) if rerank == "first" else self._rate(drawn, rerank, judge)
-        best = [max(range(i * k, i * k + k), key=scores.__getitem__) for i in range(len(prompts))]
-        seconds = drawn.seconds + time.perf_counter() - started
+    def choose(self, drawn: Drawn, rating: Rating | None = None) -> Batch:
+        """The best of each prompt's samples by a rating; without one the first, which is what a single one is worth."""
+        best = rating.best(drawn) if rating else [i * self.config.samples for i in range(len(drawn.prompts))]
+        seconds = drawn.seconds + (rating.seconds if rating else 0.0)
         return Batch([drawn.texts[i] for i in best], sum(len(g.tokens) for g in drawn.made), seconds)
-
-    def _rate(self, drawn: Drawn, rerank: str, judge: Judge | None) -> list[tuple[float, ...]]:
-        """A sortable rating of every sample; unfinished texts come last."""
-        likelihood = [g.log_probability for g in drawn.made]
-        if rerank == "likelihood":
-            first: Sequence[float] = likelihood
-        elif rerank == "head":
-            first = self.head_scores(drawn)
-        elif judge is not None:
-            first = list(map(float, judge([g.prompt for g in drawn.made], [c.text for c in drawn.texts])))
-        else:
-            raise ConfigError("`--rerank oracle` needs the problem to check plans against")
-        return [(float(g.finished), a, b) for g, a, b in zip(drawn.made, first, likelihood, strict=True)]
-
-    @torch.inference_mode()
-    def head_scores(self, drawn: Drawn, rows: int = 64) -> list[float]:
-        """The multiple-choice head's logit of every sample, read at its last token.
-
-        Raises:
-            ConfigError: the model has no such head.
-        """
-        if not self.has_head:
-            raise ConfigError(
-                "this model has no multiple-choice head\nhint: choose by likelihood, or train double-head"
-            )
-        order = sorted(range(len(drawn.made)), key=lambda i: len(drawn.whole(i)))
-        scores = [0.0] * len(order)
-        for start in range(0, len(order), rows):
-            part = order[start : start + rows]
-            found = head_logits(self.model, [drawn.whole(i) for i in part])
-            for index, score in zip(part, found, strict=True):
-                scores[index] = score
-        return scores
 
     def _first_steps(self, prompts: Sequence[str], draws: int) -> list[list[Completion]]:
         """Continuations of each prompt up to its second action, the likeliest first; nothing where it is too long.
@@ -364,21 +320,6 @@ class Planner:
         ]
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """Several samples for each prompt, prompt by prompt."""
-
-    ids: Sequence[Any]
-    made: list[Generation]
-    texts: list[Completion]
-    seconds: float
-
-    def whole(self, index: int) -> list[int]:
-        """Prompt and completion of one sample."""
-        made = self.made[index]
-        return [*map(int, self.ids[made.prompt]), *made.tokens]
-
-
 class _Counter:
     """Counts finished continuations for a progress bar."""
 
@@ -389,16 +330,3 @@ class _Counter:
         self.count += 1
         if self.tick is not None:
             self.tick(self.count)
-
-
-def head_logits(model: Any, texts: Sequence[Sequence[int]]) -> list[float]:
-    """The multiple-choice head's logit for each token sequence, read at its last token.
-
-    The last token of a text that filled the model's context has no position of its own; it gets the one before it.
-    """
-    ids, counts = pad(texts, model.device)
-    places = torch.arange(ids.shape[1], device=ids.device).clamp(max=model.config.n_positions - 1).expand_as(ids)
-    at = torch.arange(len(texts), device=ids.device) * ids.shape[1] + counts - 1
-    hidden = hidden_at(model.transformer, ids, places, at, torch.float32)
-    logits = model.multiple_choice_head.summary(hidden).view(-1)
-    return [float(value) for value in logits]

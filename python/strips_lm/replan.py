@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Steps = Callable[[Sequence[str], int], Sequence[Sequence[Completion]]]
     """Of each prompt so many first steps, the likeliest first; a step that ends the text holds all of it."""
 
-INIT, STATE = "<INIT> ", "<STATE> "
+INIT, ACTION, STATE = "<INIT> ", "<ACTION> ", "<STATE> "
 
 
 @dataclass(slots=True)
@@ -132,6 +132,21 @@ class Renewal:
         pairs = zip(numbers, texts, strict=True)
         renewed = [from_state(self.asked.prompts[i], text.rpartition(STATE)[2].strip()) for i, text in pairs]
         return [list(map(int, row)) for row in self.tokenizer.encode_prompts(renewed)[0]]
+
+
+def first_steps(prompt: str, completion: str) -> list[tuple[str, str]]:
+    """Each step of a completion, with the prompt that asks for it as a first one; the last with what comes after it.
+
+    The states are those that the completion says, right or wrong. There are none where it says none before a step.
+    """
+    begin, *steps = completion.split(ACTION)
+    if begin.strip() or not steps:
+        return [] if steps else [(prompt, completion)]
+    pairs = []
+    for step in steps:
+        pairs.append((prompt, (ACTION + step).strip()))
+        prompt = from_state(prompt, step.partition(STATE)[2].strip())
+    return pairs if all(STATE in step for step in steps[:-1]) else []
 
 
 def from_state(prompt: str, state: str) -> str:

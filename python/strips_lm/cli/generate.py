@@ -37,7 +37,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="greedy, sample, beam, best-of-k, replan, masked, masked-replan, search or search-replan",
     )
-    parser.add_argument("--rerank", choices=("head", "likelihood", "oracle"), help="who chooses, for best-of-k")
+    parser.add_argument(
+        "--rerank", choices=("head", "likelihood", "replan", "oracle"), help="who chooses, for best-of-k"
+    )
     fallback = "where the model comes to no plan, masked or by search, have the oracle's own search answer, and say so"
     parser.add_argument("--fallback", action="store_true", help=fallback)
     parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")

@@ -318,8 +318,9 @@ class GenerateConfig:
     """`beam`: a finished beam's log-probability is divided by its length to this power."""
     samples: int = 8
     """`best-of-k`: continuations drawn for each prompt."""
-    rerank: Literal["head", "likelihood", "oracle"] = "head"
-    """`best-of-k`: who chooses among them."""
+    rerank: Literal["head", "likelihood", "replan", "oracle"] = "head"
+    """`best-of-k`: who chooses: the second head, the likelihood, the likelihood of each step where the model is asked
+    anew from the state before it (`replan`), or the oracle."""
     renew_steps: int = 4
     """`masked`: steps after which the model reads a new prompt with the state at hand, if prompts list their objects;
     0 is only where steps were taken back or its context is full. `masked-replan` does so after every step."""

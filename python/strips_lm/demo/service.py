@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 from strips_lm import _native
 from strips_lm.config import ConfigError, RunConfig
-from strips_lm.evaluate.stepwise import stepwise
 from strips_lm.evaluate.suites import read_synonyms
 from strips_lm.generate import DECODES, GUIDED, check_decode
 from strips_lm.guide import Tasks
 from strips_lm.sources import built_in_domains, read_sources
+from strips_lm.stepwise import stepwise
 from strips_lm.trace import Step, trace
 
 if TYPE_CHECKING:

@@ -19,7 +19,6 @@ from strips_lm.config.sections import SUITES
 from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.renaming import Names, invariance
 from strips_lm.evaluate.results import OWN_SAMPLE, Example, Invariance, Model, Output, Results, Score
-from strips_lm.evaluate.stepwise import stepwise
 from strips_lm.evaluate.suite import Suite
 from strips_lm.evaluate.suites import DataFolder
 from strips_lm.evaluate.tally import Trial, own_choices, tally
@@ -27,6 +26,8 @@ from strips_lm.folders import data_sets
 from strips_lm.generate import GUIDED, Batch, Planner, check_decode
 from strips_lm.guide import canonical, check_domain
 from strips_lm.model import checkpoint_folder
+from strips_lm.rerank import RERANKS, rate
+from strips_lm.stepwise import stepwise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -72,10 +73,6 @@ def _parts(config: RunConfig, folders: Sequence[DataFolder]) -> list[RunConfig]:
             raise ConfigError(f"no suite `{suite}` in any data set{suggestion(suite, set().union(*there))}")
     suites = [tuple(suite for suite in config.evaluate.suites if suite in names) for names in there]
     return [replace(config, evaluate=replace(config.evaluate, suites=found)) for found in suites]
-
-
-RERANKS = ("first", "head", "likelihood", "oracle")
-"""The ways of choosing among samples, in the order of the table; the first is no choice at all."""
 
 
 class Evaluation:
@@ -124,7 +121,7 @@ class Evaluation:
 
     def _try(self, planner: Planner, name: str, suite: Suite) -> None:
         """One model on one suite: every way of decoding, then likelihoods."""
-        own: list[int] | None = None
+        own: dict[str, list[int]] = {}
         for decode in self.config.evaluate.decodes:
             if decode == "best-of-k":
                 own = self._best_of_k(planner, name, suite)
@@ -137,8 +134,7 @@ class Evaluation:
             return
         pairs = self.data.items(suite.name, self.config.evaluate.pairs, distinct=False)
         found = measure(planner, name, suite.name, pairs)
-        if own is not None:
-            found = replace(found, by_negative={**found.by_negative, OWN_SAMPLE: own})
+        found = replace(found, by_negative={**found.by_negative, **own})
         self.results.likelihoods.append(found)
         self.tell(f"{name} {suite.name}: perplexity {found.perplexity:.4f} over {found.tokens} tokens")
 
@@ -160,28 +156,29 @@ class Evaluation:
         """What a way of decoding is called in the results."""
         return f"{decode} with fallback" if self.config.generate.fallback and decode in GUIDED else decode
 
-    def _best_of_k(self, planner: Planner, name: str, suite: Suite) -> list[int] | None:
-        """The same samples chosen by the head, by likelihood and by the oracle.
+    def _best_of_k(self, planner: Planner, name: str, suite: Suite) -> dict[str, list[int]]:
+        """The same samples chosen by the head, by likelihood, step by step and by the oracle.
 
-        Of a model with a second head, [right, pairs] of a prompt's valid samples against its others.
+        Of each way without the oracle, by its kind in the results: [right, pairs] of a prompt's valid samples against
+        its others.
         """
-        prompts = [item.prompt for item in suite.items]
-        drawn = planner.draw(prompts, self._ticker(name, suite, "best-of-k"))
+        drawn = planner.draw([item.prompt for item in suite.items], self._ticker(name, suite, "best-of-k"))
 
         def judge(numbers: Sequence[int], texts: Sequence[str]) -> list[bool]:
             return [j.verdict.is_valid for j in suite.judge(self.data.domain, numbers, texts)]
 
-        for rerank in RERANKS:
-            if rerank == "head" and not planner.has_head:
-                continue
-            made = planner.choose(prompts, drawn, rerank, judge)
-            self._score(planner, name, suite, f"best-of-{self.config.generate.samples} by {rerank}", made)
-        if not planner.has_head:
-            return None
-        numbers = [g.prompt for g in drawn.made]
-        valid = judge(numbers, [c.text for c in drawn.texts])
-        right = [ok and g.finished for ok, g in zip(valid, drawn.made, strict=True)]
-        return own_choices(numbers, right, planner.head_scores(drawn))
+        choices = [choice for choice in RERANKS if choice != "head" or planner.has_head]
+        ratings = {choice: rate(planner, drawn, choice, judge) for choice in choices}
+        label = f"best-of-{self.config.generate.samples} by"
+        self._score(planner, name, suite, f"{label} first", planner.choose(drawn))
+        for choice, rating in ratings.items():
+            self._score(planner, name, suite, f"{label} {choice}", planner.choose(drawn, rating))
+        prompts, valid = [g.prompt for g in drawn.made], ratings.pop("oracle").scores
+        right = [bool(ok) and g.finished for ok, g in zip(valid, drawn.made, strict=True)]
+        return {
+            OWN_SAMPLE if choice == "head" else f"{OWN_SAMPLE} by {choice}": own_choices(prompts, right, rating.scores)
+            for choice, rating in ratings.items()
+        }
 
     def _score(self, planner: Planner, name: str, suite: Suite, decode: str, made: Batch) -> None:
         """Have the oracle judge the completions, and keep the score and some examples."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch.nn import functional as F
 
-from strips_lm.batches import Batch, Row, collate
+from strips_lm.batches import Batch, Row, collate, padded_parts
 from strips_lm.evaluate.results import Likelihood
 from strips_lm.forward import hidden_at
 from strips_lm.lstm import LstmLMHeadModel
@@ -44,8 +44,8 @@ def measure(planner: Planner, name: str, suite: str, items: Sequence[Item]) -> L
     pairs = _encode(planner, items)
     kept = [pair for pair in pairs if max(map(len, pair.rows)) <= planner.model_context]
     sums = _Sums()
-    for part in _parts(sorted(kept, key=lambda pair: max(map(len, pair.rows)))):
-        _add(planner, part, sums)
+    for part in padded_parts([len(pair.rows) * max(map(len, pair.rows)) for pair in kept], BATCH_TOKENS):
+        _add(planner, [kept[i] for i in part], sums)
     return _finish(sums, name, suite, left_out=len(pairs) - len(kept))
 
 
@@ -68,17 +68,6 @@ def _encode(planner: Planner, items: Sequence[Item]) -> list[_Pair]:
         for row, prompt, ids in zip(rows, asked, wrong, strict=True):
             row.append(Row(prompt, ids, scored=False))
     return [_Pair(item, tuple(row)) for item, row in zip(items, rows, strict=True)]
-
-
-def _parts(pairs: list[_Pair]) -> list[list[_Pair]]:
-    """Cuts pairs, sorted by length, into batches of at most `BATCH_TOKENS` padded tokens."""
-    parts: list[list[_Pair]] = [[]]
-    for pair in pairs:
-        longest = max(map(len, pair.rows))
-        if parts[-1] and (len(parts[-1]) + 1) * len(pair.rows) * longest > BATCH_TOKENS:
-            parts.append([])
-        parts[-1].append(pair)
-    return [part for part in parts if part]
 
 
 @torch.inference_mode()

@@ -120,7 +120,8 @@ class Likelihood:
     choices_right: int
     """Of these, the ones where the plan scored above its corruption."""
     by_negative: dict[str, list[int]]
-    """[right, pairs] by the kind of corruption; `own-sample` pairs, not counted in `choices`, are the model's own."""
+    """[right, pairs] by the kind of corruption. `own-sample` pairs, not counted in `choices`, are the model's own; `…
+    by likelihood` and `… by replan` say how often these, not the head, score the right one higher."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

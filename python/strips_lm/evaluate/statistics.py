@@ -70,6 +70,6 @@ def rerank_gaps(scores: Sequence[Score]) -> list[Gap]:
         kind, _, choice = decode.partition(" by ")
         most = by_key.get((model, suite, f"{kind} by oracle"))
         start = by_key.get((model, suite, "greedy")) or by_key.get((model, suite, f"{kind} by first"))
-        if choice in ("head", "likelihood") and most and start:
+        if choice not in ("first", "oracle") and most and start:
             found.append(Gap(model, suite, decode, start.share, score.share, most.share))
     return found

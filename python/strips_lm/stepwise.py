@@ -35,19 +35,26 @@ class Stepwise:
     """Of ending where it ends; `None` where it does not end."""
 
 
-@torch.inference_mode()
 def stepwise(planner: Planner, prompts: Sequence[str], completions: Sequence[str]) -> list[Stepwise]:
     """The probabilities of the steps of each completion after its prompt."""
-    if not prompts:
+    read = log_probabilities(planner, *planner.tokenizer.encode_records(prompts, completions)[:2])
+    return [_cut(planner, tokens) for tokens in read]
+
+
+@torch.inference_mode()
+def log_probabilities(
+    planner: Planner, prompts: Sequence[Any], completions: Sequence[Any]
+) -> list[list[tuple[int, float]]]:
+    """Each token of each completion with the logarithm of its probability, as far as the model's context goes."""
+    if not len(prompts):
         return []
-    asked, said, _ = planner.tokenizer.encode_records(prompts, completions)
-    room = [planner.model_context - len(prompt) for prompt in asked]
-    said = [ids[: max(left, 0)] for ids, left in zip(said, room, strict=True)]
-    rows = [Row(prompt, ids, scored=True) for prompt, ids in zip(asked, said, strict=True)]
+    room = [planner.model_context - len(prompt) for prompt in prompts]
+    said = [ids[: max(left, 0)] for ids, left in zip(completions, room, strict=True)]
+    rows = [Row(prompt, ids, scored=True) for prompt, ids in zip(prompts, said, strict=True)]
     batch = collate(rows, [], planner.tokenizer.end_id).to(planner.model.device)
     found = _logits(planner.model, batch).float().log_softmax(-1).gather(-1, batch.lm_labels[:, None])[:, 0]
     every = iter(found.tolist())
-    return [_cut(planner, ids.tolist(), list(islice(every, len(ids)))) for ids in said]
+    return [list(zip(ids.tolist(), islice(every, len(ids)), strict=True)) for ids in said]
 
 
 def _logits(model: Any, batch: Batch) -> torch.Tensor:
@@ -60,7 +67,7 @@ def _logits(model: Any, batch: Batch) -> torch.Tensor:
     return logits
 
 
-def _cut(planner: Planner, ids: list[int], log_probs: list[float]) -> Stepwise:
+def _cut(planner: Planner, tokens: list[tuple[int, float]]) -> Stepwise:
     """Sums over the parts of each step."""
     tokenizer = planner.tokenizer
     step, state = (tokenizer.hf.convert_tokens_to_ids(word) for word in ("<ACTION>", "<STATE>"))
@@ -68,7 +75,7 @@ def _cut(planner: Planner, ids: list[int], log_probs: list[float]) -> Stepwise:
     states: list[float] = []
     part = [0.0]  # what comes before the first step (a space, in some tokenizers) counts with its operator
     end = None
-    for token, log_prob in zip(ids, log_probs, strict=True):
+    for token, log_prob in tokens:
         if token == tokenizer.end_id:
             end = log_prob
             break

@@ -1,0 +1,157 @@
+"""Which of several samples for one prompt is best: by the second head, by likelihood, step by step, or by the oracle.
+
+By `replan` a sample is worth the likelihood of each of its steps as a first one: as the model finds it when it is
+asked anew from the state before it, as the text says that state, with nothing else kept. A model that goes wrong late
+in a long text, where its training had little, mostly knows better there; the oracle takes no part. Price: a forward
+pass over a prompt and a step for each step that differs between a prompt's samples.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import torch
+
+from strips_lm.batches import padded_parts
+from strips_lm.config import ConfigError
+from strips_lm.decode.loop import pad
+from strips_lm.forward import hidden_at
+from strips_lm.replan import first_steps
+from strips_lm.stepwise import log_probabilities
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from strips_lm.decode import Generation
+    from strips_lm.generate import Completion, Planner
+
+    Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
+    """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
+
+Rerank = Literal["head", "likelihood", "replan", "oracle"]
+"""Who chooses among the samples of `best-of-k`."""
+
+RERANKS: tuple[str, ...] = get_args(Rerank)
+
+BATCH_TOKENS = 8192
+"""Padded tokens that go through the model at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """Several samples for each prompt, prompt by prompt."""
+
+    prompts: Sequence[str]
+    ids: Sequence[Any]
+    """Each prompt's tokens."""
+    made: list[Generation]
+    texts: list[Completion]
+    seconds: float
+
+    def whole(self, index: int) -> list[int]:
+        """Prompt and completion of one sample."""
+        made = self.made[index]
+        return [*map(int, self.ids[made.prompt]), *made.tokens]
+
+
+@dataclass(frozen=True, slots=True)
+class Rating:
+    """What every sample is worth, and how long it took to say so."""
+
+    scores: list[float]
+    """Higher is better; logits, nats, or 1 for a valid plan."""
+    seconds: float
+
+    def best(self, drawn: Drawn) -> list[int]:
+        """Of each prompt the sample of highest score, then of highest likelihood; unfinished texts come last."""
+        found: dict[int, int] = {}
+        keys = [(g.finished, score, g.log_probability) for g, score in zip(drawn.made, self.scores, strict=True)]
+        for index, g in enumerate(drawn.made):
+            if g.prompt not in found or keys[index] > keys[found[g.prompt]]:
+                found[g.prompt] = index
+        return [found[prompt] for prompt in range(len(drawn.prompts))]
+
+
+def rate(planner: Planner, drawn: Drawn, rerank: str, judge: Judge | None = None) -> Rating:
+    """Rates every sample in one of the ways of `RERANKS`.
+
+    Raises:
+        ConfigError: it takes a head or an oracle that is not there.
+    """
+    started = time.perf_counter()
+    if rerank == "head":
+        scores = head_scores(planner, drawn)
+    elif rerank == "replan":
+        scores = replan_scores(planner, drawn)
+    elif rerank == "likelihood":
+        scores = [g.log_probability for g in drawn.made]
+    elif judge is not None:
+        scores = list(map(float, judge([g.prompt for g in drawn.made], [c.text for c in drawn.texts])))
+    else:
+        raise ConfigError("`--rerank oracle` needs the problem to check plans against")
+    return Rating(scores, time.perf_counter() - started)
+
+
+@torch.inference_mode()
+def head_scores(planner: Planner, drawn: Drawn, rows: int = 64) -> list[float]:
+    """The multiple-choice head's logit of every sample, read at its last token.
+
+    Raises:
+        ConfigError: the model has no such head.
+    """
+    if not planner.has_head:
+        raise ConfigError("this model has no multiple-choice head\nhint: choose by likelihood, or train double-head")
+    order = sorted(range(len(drawn.made)), key=lambda i: len(drawn.whole(i)))
+    found = [0.0] * len(order)
+    for start in range(0, len(order), rows):
+        part = order[start : start + rows]
+        for index, logit in zip(part, _head_logits(planner.model, [drawn.whole(i) for i in part]), strict=True):
+            found[index] = logit
+    return found
+
+
+def _head_logits(model: Any, texts: Sequence[Sequence[int]]) -> list[float]:
+    """The multiple-choice head's logit for each token sequence, read at its last token.
+
+    The last token of a text that filled the model's context has no position of its own; it gets the one before it.
+    """
+    ids, counts = pad(texts, model.device)
+    places = torch.arange(ids.shape[1], device=ids.device).clamp(max=model.config.n_positions - 1).expand_as(ids)
+    at = torch.arange(len(texts), device=ids.device) * ids.shape[1] + counts - 1
+    hidden = hidden_at(model.transformer, ids, places, at, torch.float32)
+    logits: list[float] = model.multiple_choice_head.summary(hidden).view(-1).tolist()
+    return logits
+
+
+def replan_scores(planner: Planner, drawn: Drawn) -> list[float]:
+    """The log-likelihood of every sample, in nats, each of its steps as the first one after the state before it.
+
+    It is minus infinity where a text is not finished, says no state where another step follows, or has a step that does
+    not fit the model's context.
+    """
+    steps = [
+        first_steps(drawn.prompts[g.prompt], text.text) if g.finished else []
+        for g, text in zip(drawn.made, drawn.texts, strict=True)
+    ]
+    different = list(dict.fromkeys(step for found in steps for step in found))
+    known = dict(zip(different, _log_likelihoods(planner, different), strict=True))
+    return [sum(known[step] for step in found) if found else -math.inf for found in steps]
+
+
+def _log_likelihoods(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list[float]:
+    """Of each completion after its prompt, in nats; minus infinity where both do not fit the model's context."""
+    if not pairs:
+        return []
+    prompts, completions, _ = planner.tokenizer.encode_records(*zip(*pairs, strict=True))
+    lengths = [len(prompt) + len(completion) for prompt, completion in zip(prompts, completions, strict=True)]
+    fit = [index for index, length in enumerate(lengths) if length <= planner.model_context]
+    found = [-math.inf] * len(pairs)
+    for part in padded_parts([lengths[index] for index in fit], BATCH_TOKENS):
+        chosen = [fit[place] for place in part]
+        read = log_probabilities(planner, [prompts[i] for i in chosen], [completions[i] for i in chosen])
+        for index, tokens in zip(chosen, read, strict=True):
+            found[index] = math.fsum(log_probability for _, log_probability in tokens)
+    return found

@@ -1,0 +1,88 @@
+"""Choosing among samples: the likelihood of each step as a first one against a slow twin, and what is worth nothing."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+torch = pytest.importorskip("torch")
+torch.set_num_threads(1)
+
+from strips_lm.decode import Generation  # noqa: E402
+from strips_lm.generate import Completion  # noqa: E402
+from strips_lm.replan import first_steps  # noqa: E402
+from strips_lm.rerank import Drawn, Rating, replan_scores  # noqa: E402
+from test_generate import PROMPTS, TEXT, checkpoint, planner  # noqa: E402, F401  (a fixture is used by its name)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from strips_lm.generate import Planner
+
+ONE = "<ACTION> pick(cup) <STATE> inhand(cup) <|endoftext|>"
+STATELESS = TEXT.replace("<STATE> inhand(cup) ", "")
+ATOMS = ", ".join(["on(cup, table)"] * 200)
+
+
+def drawn(found: Planner, samples: list[tuple[int, str]]) -> Drawn:
+    """Texts as if they had been drawn for the prompts of these numbers."""
+    ids, _ = found.tokenizer.encode_prompts(PROMPTS)
+    made, texts = [], []
+    for number, text in samples:
+        tokens = found.tokenizer.encode_records([PROMPTS[number]], [text])[1][0].tolist()
+        finished = text.endswith("<|endoftext|>")
+        made.append(Generation(number, 0, tokens, finished, -1.0))
+        texts.append(Completion(text, len(tokens), finished, -1.0, ids=tokens))
+    return Drawn(PROMPTS, ids, made, texts, 0.0)
+
+
+def slow(found: Planner, prompt: str, text: str) -> float:
+    """One step at a time, one token at a time."""
+    whole = 0.0
+    for step in re.findall(r"<ACTION> (?:(?!<ACTION>).)*", text):
+        asked, said, _ = found.tokenizer.encode_records([prompt], [step.strip()])
+        ids = [*map(int, asked[0])]
+        for token in said[0].tolist():
+            with torch.no_grad():
+                hidden = found.model.transformer(torch.tensor([ids])).last_hidden_state[0, -1]
+                whole += float(found.model.lm_head(hidden).log_softmax(-1)[token])
+            ids.append(token)
+        prompt = re.sub("<INIT> .*", "<INIT> " + step.split("<STATE> ")[1].strip(), prompt)
+    return whole
+
+
+def test_a_sample_is_worth_what_its_steps_are_as_first_ones(checkpoint: Path) -> None:  # noqa: F811
+    found = planner(checkpoint)
+    samples = [(0, TEXT), (1, TEXT), (0, ONE), (1, ONE), (0, TEXT)]
+    scores = replan_scores(found, drawn(found, samples))
+    assert scores == pytest.approx([slow(found, PROMPTS[number], text) for number, text in samples], rel=1e-3)
+    assert len(set(scores)) == 4
+
+
+def test_steps_are_asked_for_from_the_state_before_them() -> None:
+    pick, place = (f"<ACTION> {step}" for step in TEXT.split("<ACTION> ")[1:])
+    asked = PROMPTS[0].replace("<INIT> on(cup, table)", "<INIT> inhand(cup)")
+    assert first_steps(PROMPTS[0], TEXT) == [(PROMPTS[0], pick.strip()), (asked, place)]
+    assert first_steps(PROMPTS[0], "<|endoftext|>") == [(PROMPTS[0], "<|endoftext|>")], "nothing to do"
+    assert first_steps(PROMPTS[0], STATELESS) == first_steps(PROMPTS[0], f"on(cup) {TEXT}") == []
+
+
+def test_what_cannot_be_asked_anew_is_worth_nothing(checkpoint: Path) -> None:  # noqa: F811
+    found = planner(checkpoint)
+    long = TEXT.replace("<STATE> inhand(cup)", f"<STATE> {ATOMS}")
+    unfinished = TEXT.removesuffix(" <|endoftext|>")
+    scores = replan_scores(found, drawn(found, [(0, STATELESS), (0, long), (0, unfinished), (0, "cup"), (0, TEXT)]))
+    assert scores[:4] == [-math.inf] * 4
+    assert math.isfinite(scores[4])
+
+
+def test_the_best_is_finished_then_highest_then_likeliest(checkpoint: Path) -> None:  # noqa: F811
+    texts = [(0, "cup"), (0, ONE), (0, TEXT), (1, "cup"), (1, "cup")]
+    found = drawn(planner(checkpoint), texts)
+    assert Rating([9.0, 1.0, 2.0, 1.0, 3.0], 0.0).best(found) == [2, 4]
+    found.made[1] = replace(found.made[1], log_probability=-0.5)
+    assert Rating([9.0, 2.0, 2.0, 1.0, 1.0], 0.0).best(found) == [1, 3], "the first where all is equal"
