@@ -12,16 +12,17 @@ import pytest
 torch = pytest.importorskip("torch")
 torch.set_num_threads(1)
 
+from transformers import GPT2LMHeadModel  # noqa: E402
+
 from strips_lm.decode import Generation  # noqa: E402
-from strips_lm.generate import Completion  # noqa: E402
+from strips_lm.generate import Completion, Planner  # noqa: E402
+from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
 from strips_lm.replan import first_steps  # noqa: E402
 from strips_lm.rerank import Drawn, Rating, replan_scores  # noqa: E402
 from test_generate import PROMPTS, TEXT, checkpoint, planner  # noqa: E402, F401  (a fixture is used by its name)
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from strips_lm.generate import Planner
 
 ONE = "<ACTION> pick(cup) <STATE> inhand(cup) <|endoftext|>"
 STATELESS = TEXT.replace("<STATE> inhand(cup) ", "")
@@ -48,19 +49,27 @@ def slow(found: Planner, prompt: str, text: str) -> float:
         ids = [*map(int, asked[0])]
         for token in said[0].tolist():
             with torch.no_grad():
-                hidden = found.model.transformer(torch.tensor([ids])).last_hidden_state[0, -1]
-                whole += float(found.model.lm_head(hidden).log_softmax(-1)[token])
+                logits = found.model(torch.tensor([ids])).logits[0, -1]
+            whole += float(logits.log_softmax(-1)[token])
             ids.append(token)
         prompt = re.sub("<INIT> .*", "<INIT> " + step.split("<STATE> ")[1].strip(), prompt)
     return whole
 
 
-def test_a_sample_is_worth_what_its_steps_are_as_first_ones(checkpoint: Path) -> None:  # noqa: F811
+@pytest.mark.parametrize("kind", ["double-head", "lm", "lstm"])
+def test_a_sample_is_worth_what_its_steps_are_as_first_ones(checkpoint: Path, kind: str) -> None:  # noqa: F811
     found = planner(checkpoint)
+    torch.manual_seed(5)
+    if kind == "lm":
+        found = Planner(GPT2LMHeadModel(found.model.config).eval(), found.tokenizer, found.config)
+    elif kind == "lstm":
+        sizes = LstmConfig(vocab_size=found.tokenizer.vocab_size, embedding_size=16, hidden_size=24)
+        found = Planner(LstmLMHeadModel(sizes).eval(), found.tokenizer, found.config)
     samples = [(0, TEXT), (1, TEXT), (0, ONE), (1, ONE), (0, TEXT)]
     scores = replan_scores(found, drawn(found, samples))
     assert scores == pytest.approx([slow(found, PROMPTS[number], text) for number, text in samples], rel=1e-3)
     assert len(set(scores)) == 4
+    assert found.complete(PROMPTS, "best-of-k").completions, "with a second head or without"
 
 
 def test_steps_are_asked_for_from_the_state_before_them() -> None:

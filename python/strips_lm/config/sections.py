@@ -318,7 +318,7 @@ class GenerateConfig:
     """`beam`: a finished beam's log-probability is divided by its length to this power."""
     samples: int = 8
     """`best-of-k`: continuations drawn for each prompt."""
-    rerank: Literal["head", "likelihood", "replan", "oracle"] = "head"
+    rerank: Literal["head", "likelihood", "replan", "oracle"] = "replan"
     """`best-of-k`: who chooses: the second head, the likelihood, the likelihood of each step where the model is asked
     anew from the state before it (`replan`), or the oracle."""
     renew_steps: int = 4

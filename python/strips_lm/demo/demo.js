@@ -6,7 +6,7 @@ const DECODINGS = {
   greedy: "The likeliest token each time, no help.",
   sample: "Drawn from the likeliest tokens, no help.",
   beam: "The likeliest whole text of several, no help.",
-  "best-of-k": "Several samples, the model's second head chooses.",
+  "best-of-k": "Several samples; the model chooses among them.",
   masked: "The oracle allows only what can be executed, and writes the states.",
   search: "The oracle's successors, the model's probability as the guide.",
 };

@@ -151,7 +151,8 @@ class Service:
     def _decodes(self) -> list[str]:
         """The ways of decoding that this model can be asked for."""
         guided = hasattr(self.planner.tokenizer, "codec")
-        lacks = {*(() if guided else GUIDED), *(() if self.planner.has_head else ("best-of-k",))}
+        chosen = self.planner.has_head or self.planner.config.rerank != "head"
+        lacks = {*(() if guided else GUIDED), *(() if chosen else ("best-of-k",))}
         return [name for name in DECODES if name not in lacks]
 
     def _trained(self) -> list[str]:
