@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,13 +13,16 @@ import pytest
 torch = pytest.importorskip("torch")
 torch.set_num_threads(1)
 
-from transformers import GPT2LMHeadModel  # noqa: E402
+from transformers import GPT2Config, GPT2LMHeadModel  # noqa: E402
 
+from strips_lm import _native  # noqa: E402
+from strips_lm.config import RunConfig  # noqa: E402
 from strips_lm.decode import Generation  # noqa: E402
 from strips_lm.generate import Completion, Planner  # noqa: E402
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
 from strips_lm.replan import first_steps  # noqa: E402
 from strips_lm.rerank import Drawn, Rating, replan_scores  # noqa: E402
+from strips_lm.tokenizer import CanonicalTokenizer, TokenizerError  # noqa: E402
 from test_generate import PROMPTS, TEXT, checkpoint, planner  # noqa: E402, F401  (a fixture is used by its name)
 
 if TYPE_CHECKING:
@@ -95,3 +99,25 @@ def test_the_best_is_finished_then_highest_then_likeliest(checkpoint: Path) -> N
     assert Rating([9.0, 1.0, 2.0, 1.0, 3.0], 0.0).best(found) == [2, 4]
     found.made[1] = replace(found.made[1], log_probability=-0.5)
     assert Rating([9.0, 2.0, 2.0, 1.0, 1.0], 0.0).best(found) == [1, 3], "the first where all is equal"
+
+
+def test_states_with_more_objects_than_slots_lose_nothing_else() -> None:
+    domain = _native.Domain.parse((files("strips_lm") / "domains" / "manipulation" / "domain.pddl").read_bytes())
+    words = CanonicalTokenizer(_native.CanonicalCodec(domain), 4)
+    sizes = {"n_positions": 256, "n_embd": 32, "n_layer": 1, "n_head": 2, "vocab_size": words.vocab_size}
+    ends = {"bos_token_id": words.start_id, "eos_token_id": words.end_id}
+    found = Planner(
+        GPT2LMHeadModel(GPT2Config(**sizes, **ends)).eval(),
+        words,
+        RunConfig.load(None, ["generate.max_new=20", "generate.workers=1"]).generate,
+    )
+    crowd = ", ".join(f"on(thing_{number}, shelf)" for number in range(9))
+    right, wrong = drawn(found, [(0, TEXT)]), TEXT.replace("<STATE> inhand(cup)", f"<STATE> {crowd}")
+    samples = Drawn(PROMPTS, right.ids, right.made * 2, [replace(right.texts[0], text=wrong), *right.texts], 0.0)
+    assert replan_scores(found, samples) == [-math.inf, replan_scores(found, right)[0]]
+    crowded = f"{PROMPTS[0]}, {crowd}"
+    (lost,), (kept,) = found._first_steps([crowded, PROMPTS[0]], 1)
+    assert (lost.text, lost.finished) == ("", False)
+    assert kept == found._first_steps(PROMPTS[:1], 1)[0][0]
+    with pytest.raises(TokenizerError, match="objects"):
+        found.complete([crowded], "replan")

@@ -169,6 +169,9 @@ class Planner:
             return self.choose(drawn, rate(self, drawn, self.config.rerank, judge))
         started = time.perf_counter()
         if decode == "replan":
+            self.tokenizer.encode_prompts(
+                prompts
+            )  # a prompt without tokens is the caller's mistake; a state, the model's
             completions = replan(prompts, self._first_steps, self.config.samples, self.config.max_new, tick)
             return Batch(completions, sum(c.tokens for c in completions), time.perf_counter() - started)
         asked = Encoded(prompts, *self.tokenizer.encode_prompts(prompts))
@@ -192,11 +195,18 @@ class Planner:
         return Batch([drawn.texts[i] for i in best], sum(len(g.tokens) for g in drawn.made), seconds)
 
     def _first_steps(self, prompts: Sequence[str], draws: int) -> list[list[Completion]]:
-        """Continuations of each prompt up to its second action, the likeliest first; nothing where it is too long.
+        """Continuations of each prompt up to its second action, the likeliest first.
 
-        One is the greedy one, more are drawn.
+        One is the greedy one, more are drawn. Nothing where a prompt is too long, or has no tokens: a state that a
+        model wrote may name more objects than there are slots.
         """
-        ids, legends = self.tokenizer.encode_prompts(prompts)
+        nothing = Completion("", 0, finished=False, log_probability=0.0)
+        try:
+            ids, legends = self.tokenizer.encode_prompts(prompts)
+        except tokenizers.TokenizerError:
+            half = len(prompts) // 2
+            parts = (prompts[:half], prompts[half:]) if half else ()
+            return [found for part in parts for found in self._first_steps(part, draws)] or [[nothing]]
         action: Any = self.tokenizer.hf.convert_tokens_to_ids("<ACTION>")
         limits = replace(self._limits(), pause=action)
         config = self.config
@@ -212,7 +222,6 @@ class Planner:
         steps: list[list[Completion]] = [[] for _ in prompts]
         for g, text in zip(made, texts, strict=True):
             steps[g.prompt].append(text)
-        nothing = Completion("", 0, finished=False, log_probability=0.0)
         return [sorted(found, key=lambda step: -step.log_probability) or [nothing] for found in steps]
 
     def _decode(

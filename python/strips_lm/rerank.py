@@ -21,6 +21,7 @@ from strips_lm.decode.loop import pad
 from strips_lm.forward import hidden_at
 from strips_lm.replan import first_steps
 from strips_lm.stepwise import log_probabilities
+from strips_lm.tokenizer import TokenizerError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -129,8 +130,8 @@ def _head_logits(model: Any, texts: Sequence[Sequence[int]]) -> list[float]:
 def replan_scores(planner: Planner, drawn: Drawn) -> list[float]:
     """The log-likelihood of every sample, in nats, each of its steps as the first one after the state before it.
 
-    It is minus infinity where a text is not finished, says no state where another step follows, or has a step that does
-    not fit the model's context.
+    It is minus infinity where a text is not finished, says no state where another step follows, or has a step that the
+    model cannot be asked for.
     """
     steps = [
         first_steps(drawn.prompts[g.prompt], text.text) if g.finished else []
@@ -142,10 +143,19 @@ def replan_scores(planner: Planner, drawn: Drawn) -> list[float]:
 
 
 def _log_likelihoods(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list[float]:
-    """Of each completion after its prompt, in nats; minus infinity where both do not fit the model's context."""
+    """Of each completion after its prompt, in nats.
+
+    It is minus infinity where both do not fit the model's context, or have no tokens: a state that a model wrote may
+    name more objects than there are slots.
+    """
     if not pairs:
         return []
-    prompts, completions, _ = planner.tokenizer.encode_records(*zip(*pairs, strict=True))
+    try:
+        prompts, completions, _ = planner.tokenizer.encode_records(*zip(*pairs, strict=True))
+    except TokenizerError:
+        half = len(pairs) // 2
+        parts = (pairs[:half], pairs[half:]) if half else ()
+        return [found for part in parts for found in _log_likelihoods(planner, part)] or [-math.inf]
     lengths = [len(prompt) + len(completion) for prompt, completion in zip(prompts, completions, strict=True)]
     fit = [index for index, length in enumerate(lengths) if length <= planner.model_context]
     found = [-math.inf] * len(pairs)
