@@ -68,7 +68,11 @@ class Row:
         return len(self.prompt) + len(self.completion)
 
 
-def padded_parts(lengths: Sequence[int], most: int) -> list[list[int]]:
+READ_TOKENS = 8192
+"""Padded tokens that go through a model at once where it only reads."""
+
+
+def padded_parts(lengths: Sequence[int], most: int = READ_TOKENS) -> list[list[int]]:
     """Indices of rows, those of like length together, in parts of at most `most` padded tokens (or of a single row)."""
     parts: list[list[int]] = []
     for index in np.argsort(lengths, kind="stable").tolist():

@@ -200,25 +200,20 @@ class Planner:
         One is the greedy one, more are drawn. Nothing where a prompt is too long, or has no tokens: a state that a
         model wrote may name more objects than there are slots.
         """
-        nothing = Completion("", 0, finished=False, log_probability=0.0)
-        try:
-            ids, legends = self.tokenizer.encode_prompts(prompts)
-        except tokenizers.TokenizerError:
-            half = len(prompts) // 2
-            parts = (prompts[:half], prompts[half:]) if half else ()
-            return [found for part in parts for found in self._first_steps(part, draws)] or [[nothing]]
+        rows: list[Any] = tokenizers.encode_each(self.tokenizer.encode_prompts, prompts)
+        asked = [(i, row[0]) for i, row in enumerate(rows) if row is not None and len(row[0]) < self.model_context]
         action: Any = self.tokenizer.hf.convert_tokens_to_ids("<ACTION>")
         limits = replace(self._limits(), pause=action)
         config = self.config
         choose = Greedy() if draws == 1 else Sample(config.top_k, config.top_p, config.temperature)
-        rows: list[Any] = list(ids)
-        jobs = [Job(i, k, row) for i, row in enumerate(rows) if len(row) < self.model_context for k in range(draws)]
+        jobs = [Job(i, draw, ids) for i, ids in asked for draw in range(draws)]
 
         def loop() -> Loop:
             return Loop(self._stepping(), choose, limits, seed=self.seed, score=draws > 1)
 
         made = run_jobs(jobs, loop, self.workers)
-        texts = self._texts([ids[g.prompt] for g in made], [legends[g.prompt] for g in made], made)
+        texts = self._texts([rows[g.prompt][0] for g in made], [rows[g.prompt][1] for g in made], made)
+        nothing = Completion("", 0, finished=False, log_probability=0.0)
         steps: list[list[Completion]] = [[] for _ in prompts]
         for g, text in zip(made, texts, strict=True):
             steps[g.prompt].append(text)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import torch
 
@@ -21,7 +21,7 @@ from strips_lm.decode.loop import pad
 from strips_lm.forward import hidden_at
 from strips_lm.replan import first_steps
 from strips_lm.stepwise import log_probabilities
-from strips_lm.tokenizer import TokenizerError
+from strips_lm.tokenizer import encode_each
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,14 +31,6 @@ if TYPE_CHECKING:
 
     Judge = Callable[[Sequence[int], Sequence[str]], Sequence[bool]]
     """The oracle as `best-of-k` needs it: whether each text is a valid plan for the prompt of that number."""
-
-Rerank = Literal["head", "likelihood", "replan", "oracle"]
-"""Who chooses among the samples of `best-of-k`."""
-
-RERANKS: tuple[str, ...] = get_args(Rerank)
-
-BATCH_TOKENS = 8192
-"""Padded tokens that go through the model at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,19 +89,18 @@ def rate(planner: Planner, drawn: Drawn, rerank: str, judge: Judge | None = None
 
 
 @torch.inference_mode()
-def head_scores(planner: Planner, drawn: Drawn, rows: int = 64) -> list[float]:
+def head_scores(planner: Planner, drawn: Drawn) -> list[float]:
     """The multiple-choice head's logit of every sample, read at its last token.
 
     Raises:
         ConfigError: the model has no such head.
     """
     if not planner.has_head:
-        raise ConfigError("this model has no multiple-choice head\nhint: choose by likelihood, or train double-head")
-    order = sorted(range(len(drawn.made)), key=lambda i: len(drawn.whole(i)))
-    found = [0.0] * len(order)
-    for start in range(0, len(order), rows):
-        part = order[start : start + rows]
-        for index, logit in zip(part, _head_logits(planner.model, [drawn.whole(i) for i in part]), strict=True):
+        raise ConfigError("this model has no multiple-choice head\nhint: choose by replan, or train double-head")
+    texts = [drawn.whole(index) for index in range(len(drawn.made))]
+    found = [0.0] * len(texts)
+    for part in padded_parts(list(map(len, texts))):
+        for index, logit in zip(part, _head_logits(planner.model, [texts[i] for i in part]), strict=True):
             found[index] = logit
     return found
 
@@ -148,20 +139,13 @@ def _log_likelihoods(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list
     It is minus infinity where both do not fit the model's context, or have no tokens: a state that a model wrote may
     name more objects than there are slots.
     """
-    if not pairs:
-        return []
-    try:
-        prompts, completions, _ = planner.tokenizer.encode_records(*zip(*pairs, strict=True))
-    except TokenizerError:
-        half = len(pairs) // 2
-        parts = (pairs[:half], pairs[half:]) if half else ()
-        return [found for part in parts for found in _log_likelihoods(planner, part)] or [-math.inf]
-    lengths = [len(prompt) + len(completion) for prompt, completion in zip(prompts, completions, strict=True)]
-    fit = [index for index, length in enumerate(lengths) if length <= planner.model_context]
+    rows = encode_each(planner.tokenizer.encode_records, *map(list, zip(*pairs, strict=True))) if pairs else []
+    lengths = {index: len(row[0]) + len(row[1]) for index, row in enumerate(rows) if row is not None}
+    fit = [index for index, length in lengths.items() if length <= planner.model_context]
     found = [-math.inf] * len(pairs)
-    for part in padded_parts([lengths[index] for index in fit], BATCH_TOKENS):
+    for part in padded_parts([lengths[index] for index in fit]):
         chosen = [fit[place] for place in part]
-        read = log_probabilities(planner, [prompts[i] for i in chosen], [completions[i] for i in chosen])
-        for index, tokens in zip(chosen, read, strict=True):
+        prompts, completions, _ = zip(*(rows[index] for index in chosen), strict=True)
+        for index, tokens in zip(chosen, log_probabilities(planner, prompts, completions), strict=True):
             found[index] = math.fsum(log_probability for _, log_probability in tokens)
     return found

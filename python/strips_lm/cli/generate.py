@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from strips_lm import _native
 from strips_lm.cli import explanation
 from strips_lm.cli.arguments import UsageError, add_config, add_task, max_bytes, read_config
+from strips_lm.config.sections import RERANKS
 from strips_lm.trace import trace
 
 if TYPE_CHECKING:
@@ -37,9 +38,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="greedy, sample, beam, best-of-k, replan, masked, masked-replan, search or search-replan",
     )
-    parser.add_argument(
-        "--rerank", choices=("head", "likelihood", "replan", "oracle"), help="who chooses, for best-of-k"
-    )
+    chooser = "who chooses, for best-of-k (default: replan, the likelihood of each step when it is asked for anew)"
+    parser.add_argument("--rerank", choices=RERANKS, help=chooser)
     fallback = "where the model comes to no plan, masked or by search, have the oracle's own search answer, and say so"
     parser.add_argument("--fallback", action="store_true", help=fallback)
     parser.add_argument("--style", choices=("typed", "paper"), default="typed", help="whether the prompt states types")

@@ -6,7 +6,7 @@ A field's owner is the module that reads it; a contradiction is rejected where t
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from strips_lm.config.names import ConfigError
 
@@ -300,6 +300,13 @@ class TrainConfig:
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 
 
+Rerank = Literal["head", "likelihood", "replan", "oracle"]
+"""Who chooses among the samples of `best-of-k`."""
+
+RERANKS: tuple[str, ...] = get_args(Rerank)
+"""All of them, in the order of the table."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GenerateConfig:
     """How plans are decoded."""
@@ -318,7 +325,7 @@ class GenerateConfig:
     """`beam`: a finished beam's log-probability is divided by its length to this power."""
     samples: int = 8
     """`best-of-k`: continuations drawn for each prompt."""
-    rerank: Literal["head", "likelihood", "replan", "oracle"] = "replan"
+    rerank: Rerank = "replan"
     """`best-of-k`: who chooses: the second head, the likelihood, the likelihood of each step where the model is asked
     anew from the state before it (`replan`), or the oracle."""
     renew_steps: int = 4

@@ -151,8 +151,8 @@ class Service:
     def _decodes(self) -> list[str]:
         """The ways of decoding that this model can be asked for."""
         guided = hasattr(self.planner.tokenizer, "codec")
-        chosen = self.planner.has_head or self.planner.config.rerank != "head"
-        lacks = {*(() if guided else GUIDED), *(() if chosen else ("best-of-k",))}
+        chooses = self.planner.has_head or self.planner.config.rerank != "head"
+        lacks = {*(() if guided else GUIDED), *(() if chooses else ("best-of-k",))}
         return [name for name in DECODES if name not in lacks]
 
     def _trained(self) -> list[str]:

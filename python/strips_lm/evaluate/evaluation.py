@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from strips_lm import tokenizer as tokenizers
 from strips_lm.config import ConfigError, RunConfig, versions
 from strips_lm.config.names import suggestion
-from strips_lm.config.sections import SUITES
+from strips_lm.config.sections import RERANKS, SUITES
 from strips_lm.evaluate.likelihood import measure
 from strips_lm.evaluate.renaming import Names, invariance
 from strips_lm.evaluate.results import OWN_SAMPLE, Example, Invariance, Model, Output, Results, Score
@@ -26,7 +26,7 @@ from strips_lm.folders import data_sets
 from strips_lm.generate import GUIDED, Batch, Planner, check_decode
 from strips_lm.guide import canonical, check_domain
 from strips_lm.model import checkpoint_folder
-from strips_lm.rerank import RERANKS, rate
+from strips_lm.rerank import rate
 from strips_lm.stepwise import stepwise
 
 if TYPE_CHECKING:

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from strips_lm.evaluate.suites import Item
     from strips_lm.generate import Planner
 
-BATCH_TOKENS = 8192
-"""Padded tokens that go through the model at once."""
-
 
 @dataclass(slots=True)
 class _Sums:
@@ -44,7 +41,7 @@ def measure(planner: Planner, name: str, suite: str, items: Sequence[Item]) -> L
     pairs = _encode(planner, items)
     kept = [pair for pair in pairs if max(map(len, pair.rows)) <= planner.model_context]
     sums = _Sums()
-    for part in padded_parts([len(pair.rows) * max(map(len, pair.rows)) for pair in kept], BATCH_TOKENS):
+    for part in padded_parts([len(pair.rows) * max(map(len, pair.rows)) for pair in kept]):
         _add(planner, [kept[i] for i in part], sums)
     return _finish(sums, name, suite, left_out=len(pairs) - len(kept))
 

@@ -12,7 +12,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from strips_lm.tokenizer.base import END, SPECIAL, START, PlanTokenizer, TokenizerError, fingerprint, read_settings
+from strips_lm.tokenizer.base import (
+    END,
+    SPECIAL,
+    START,
+    PlanTokenizer,
+    TokenizerError,
+    encode_each,
+    fingerprint,
+    read_settings,
+)
 from strips_lm.tokenizer.bpe import BpeTokenizer
 from strips_lm.tokenizer.canonical import CanonicalTokenizer
 from strips_lm.tokenizer.spelled import SpelledTokenizer
@@ -34,6 +43,7 @@ __all__ = [
     "SpelledTokenizer",
     "TokenizerError",
     "TypedTokenizer",
+    "encode_each",
     "fingerprint",
     "load",
     "make",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 from strips_lm._native import DataError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -90,6 +90,16 @@ class PlanTokenizer(Protocol):
 
     def save_pretrained(self, folder: str | Path) -> None:
         """Writes the tokenizer's files into a folder."""
+
+
+def encode_each(encode: Callable[..., tuple[list[Any], ...]], *columns: Sequence[str]) -> list[tuple[Any, ...] | None]:
+    """What `encode` makes of each row of the columns; `None` of one that has no tokens, which loses no other."""
+    try:
+        return list(zip(*encode(*columns), strict=True))
+    except TokenizerError:
+        half = len(columns[0]) // 2
+        parts = (slice(half), slice(half, None)) if half else ()
+        return [row for part in parts for row in encode_each(encode, *(column[part] for column in columns))] or [None]
 
 
 def write_settings(folder: str | Path, settings: dict[str, Any]) -> None:
