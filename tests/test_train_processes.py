@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+import torch
 from safetensors.torch import load_file
 
 import blocks_data
@@ -34,6 +35,26 @@ def train(data, out, run, world, *more):
     processes = [start(data, out, run, rank, world, port, *more) for rank in range(world)]
     texts = [process.communicate(timeout=300)[0] for process in processes]
     assert [process.returncode for process in processes] == [0] * world, "\n".join(texts)
+
+
+def learned(key, value):
+    """Without the biases that add the same to all scores of a softmax, of keys and of choices: their gradient is zero.
+
+    What is left of such a gradient is rounding, which Adam makes steps of full length of.
+    """
+    if key.endswith("summary.bias"):
+        return torch.zeros_like(value)
+    if key.endswith("c_attn.bias"):
+        query, _, values = value.chunk(3)
+        return torch.cat((query, values))
+    return value
+
+
+def same_weights(one, two, slack):
+    assert one.keys() == two.keys(), "whole tensors, however many processes trained"
+    for key in one:
+        expected = learned(key, one[key])
+        assert (learned(key, two[key]) - expected).norm() <= slack * expected.norm() + 1e-4, key
 
 
 @pytest.mark.slow
@@ -64,11 +85,8 @@ def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
         assert two.get("mc_loss") == pytest.approx(one.get("mc_loss"), rel=2e-4)
     for name in ("model.safetensors", "optimizer.safetensors"):
         one, two = (load_file(tmp_path / world / "last" / name) for world in ("1", "2"))
-        assert one.keys() == two.keys(), "whole tensors, however many processes trained"
-        for key, value in one.items():
-            # Muon's products are made in half precision where that is fast, from sums that are rounded otherwise.
-            slack = 0.2 if "train.optimizer=muon" in more else 0.01
-            assert (two[key] - value).norm() <= slack * value.norm() + 1e-3, key
+        # Muon's products are made in half precision where that is fast, from sums that are rounded otherwise.
+        same_weights(one, two, slack=0.2 if "train.optimizer=muon" in more else 1e-3)
 
 
 @pytest.mark.slow
@@ -87,7 +105,4 @@ def test_other_processes_go_on_from_what_sharded_ones_left(tmp_path, monkeypatch
     assert json.loads((pieced / "last" / "trainer.json").read_text())["step"] == 6
     train(data, pieced, run, 1, "--resume")
     for name in ("model.safetensors", "optimizer.safetensors"):
-        one, two = (load_file(folder / "last" / name) for folder in (whole, pieced))
-        assert one.keys() == two.keys()
-        for key, value in one.items():
-            assert (two[key] - value).norm() <= 0.01 * value.norm() + 1e-3, key
+        same_weights(*(load_file(folder / "last" / name) for folder in (whole, pieced)), slack=1e-3)
