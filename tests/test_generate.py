@@ -96,11 +96,11 @@ def test_the_head_reads_texts_that_fill_the_context(checkpoint: Path) -> None:
 def test_planning_anew_asks_from_the_state_that_was_written(checkpoint: Path) -> None:
     found = planner(checkpoint)
     made = found.complete(PROMPTS, "replan")
-    first = [step[0] for step in found._first_steps(PROMPTS, 1)]
+    first = [step[0] for step in found.first_steps(PROMPTS, 1)]
     for whole, step in zip(made.completions, first, strict=True):
         assert whole.text.startswith(step.text)
         assert step.text.count("<ACTION>") <= 1
-    drawn = found._first_steps(PROMPTS, 3)
+    drawn = found.first_steps(PROMPTS, 3)
     assert all(len(steps) == 3 for steps in drawn)
     scores = [[step.log_probability for step in steps] for steps in drawn]
     assert scores == [sorted(found, reverse=True) for found in scores]

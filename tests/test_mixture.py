@@ -14,10 +14,9 @@ from strips_lm import _native
 from strips_lm import tokenizer as tokenizers
 from strips_lm.cli import main
 from strips_lm.config import ConfigError, RunConfig, presets
-from strips_lm.dataset import DataSetError, open_data, open_split
+from strips_lm.dataset import open_data, open_split
 from strips_lm.folders import data_sets
 from strips_lm.mixture import configurations
-from strips_lm.own_negatives import with_negatives
 from strips_lm.sources import built_in_domains
 from strips_lm.tokenizer import CanonicalTokenizer, SpelledTokenizer, TokenizerError
 
@@ -165,8 +164,6 @@ def test_a_mixtures_records_are_those_of_its_data_sets_spread_evenly(data: Path)
         names = [mixed.label(record).split()[0] for record in mixed.kept[:count]]
         shares = zip(DOMAINS, (0.5, 0.25, 0.25), strict=True)
         assert all(abs(names.count(name) - share * count) <= 1 for name, share in shares)
-    with pytest.raises(DataSetError, match="not with a mixture"):
-        with_negatives(mixed, "own.parquet", tokenizer, 400)
 
 
 def test_one_model_is_scored_on_every_domain(run: Path, data: Path, tmp_path: Path, cli) -> None:

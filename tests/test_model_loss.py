@@ -11,7 +11,7 @@ from torch.nn.attention import varlen
 from transformers import GPT2DoubleHeadsModel, GPT2LMHeadModel
 
 from strips_lm import attention
-from strips_lm.batches import Row, collate
+from strips_lm.batches import Row, collate, share_batch
 from strips_lm.loss import batch_losses, weighted
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
 from strips_lm.muon import MuonAdamW
@@ -73,6 +73,43 @@ def test_loss_and_gradient_equal_the_slow_twin(negatives):
     total(model, [batch_of(pairs)]).backward()
     for name, parameter in model.named_parameters():
         torch.testing.assert_close(parameter.grad, wanted[name], rtol=1e-6, atol=1e-9, msg=name)
+
+
+@pytest.mark.parametrize("batches", [1, 3])
+def test_steps_are_judged_one_by_one(batches):
+    """A head that judges steps: each step's own cross-entropy, right or wrong, whatever stands beside it."""
+    records, model = some_pairs(6), gpt2(GPT2DoubleHeadsModel).double()
+    right, wrong = some_pairs(6, negatives=0), some_pairs(6, negatives=0)
+    model.config.judges_steps = True
+    groups = [
+        [Row(*said, scored=index == 0) for index, said in enumerate([(prompt, said[0]), *steps])]
+        for (prompt, said), *steps in zip(
+            records, *([(p, s) for p, (s,) in pool] for pool in (right, wrong)), strict=True
+        )
+    ]
+    cuts = [share_batch(groups[start::batches], PAD, math.inf) for start in range(batches)]
+    total(model, cuts).backward()
+    found = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
+    model.zero_grad()
+    slow_steps(model, records, right, wrong).backward()
+    for name, parameter in model.named_parameters():
+        torch.testing.assert_close(found[name], parameter.grad, rtol=1e-6, atol=1e-9, msg=name)
+
+
+def slow_steps(model, records, right, wrong, lm_weight=1.0, mc_weight=2.0):
+    """L where the second head judges steps, by transformers' own forward pass, one sequence at a time."""
+    lm, mc, scored = 0.0, 0.0, 0
+    for prompt, (said, *_) in records:
+        ids = torch.tensor(np.concatenate((prompt, said)))[None]
+        logits = model(ids, mc_token_ids=torch.tensor([0])).logits[0].log_softmax(-1)
+        for place in range(len(prompt), ids.shape[1]):
+            lm, scored = lm - logits[place - 1, ids[0, place]], scored + 1
+    for holds, pool in ((True, right), (False, wrong)):
+        for prompt, (step,) in pool:
+            ids = torch.tensor(np.concatenate((prompt, step)))[None]
+            chance = model(ids, mc_token_ids=torch.tensor([ids.shape[1] - 1])).mc_logits.sigmoid().reshape(())
+            mc = mc - (chance if holds else 1 - chance).log()
+    return lm_weight * lm / scored + mc_weight * mc / (2 * len(right))
 
 
 @pytest.mark.parametrize("cut", [1, 2, 4])

@@ -21,11 +21,12 @@ from strips_lm.decode import Generation  # noqa: E402
 from strips_lm.generate import Completion, Planner  # noqa: E402
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
 from strips_lm.replan import first_steps  # noqa: E402
-from strips_lm.rerank import Drawn, Rating, replan_scores  # noqa: E402
+from strips_lm.rerank import Drawn, Rating, head_scores, replan_scores  # noqa: E402
 from strips_lm.tokenizer import CanonicalTokenizer, TokenizerError  # noqa: E402
 from test_generate import PROMPTS, TEXT, checkpoint, planner  # noqa: E402, F401  (a fixture is used by its name)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 ONE = "<ACTION> pick(cup) <STATE> inhand(cup) <|endoftext|>"
@@ -45,19 +46,34 @@ def drawn(found: Planner, samples: list[tuple[int, str]]) -> Drawn:
     return Drawn(PROMPTS, ids, made, texts, 0.0)
 
 
+def slow_steps(found: Planner, prompt: str, text: str) -> Iterator[tuple[list[int], list[int]]]:
+    """Tokens of each step with those of the prompt that asks for it, cut out of the text in another way."""
+    for step in re.findall(r"<ACTION> (?:(?!<ACTION>).)*", text):
+        asked, said, _ = found.tokenizer.encode_records([prompt], [step.strip()])
+        yield [*map(int, asked[0])], [*map(int, said[0])]
+        prompt = re.sub("<INIT> .*", "<INIT> " + step.split("<STATE> ")[1].strip(), prompt)
+
+
 def slow(found: Planner, prompt: str, text: str) -> float:
     """One step at a time, one token at a time."""
     whole = 0.0
-    for step in re.findall(r"<ACTION> (?:(?!<ACTION>).)*", text):
-        asked, said, _ = found.tokenizer.encode_records([prompt], [step.strip()])
-        ids = [*map(int, asked[0])]
-        for token in said[0].tolist():
+    for ids, said in slow_steps(found, prompt, text):
+        for place, token in enumerate(said):
             with torch.no_grad():
-                logits = found.model(torch.tensor([ids])).logits[0, -1]
+                logits = found.model(torch.tensor([ids + said[:place]])).logits[0, -1]
             whole += float(logits.log_softmax(-1)[token])
-            ids.append(token)
-        prompt = re.sub("<INIT> .*", "<INIT> " + step.split("<STATE> ")[1].strip(), prompt)
     return whole
+
+
+def slow_chance(found: Planner, prompt: str, text: str) -> float:
+    """The second head's own logit of each step, by transformers' forward pass."""
+    whole = 1.0
+    for ids, said in slow_steps(found, prompt, text):
+        with torch.no_grad():
+            row = torch.tensor([[ids + said]])
+            logit = found.model(row, mc_token_ids=torch.tensor([[row.shape[-1] - 1]])).mc_logits
+        whole *= float(logit.double().sigmoid())
+    return math.log(whole)
 
 
 @pytest.mark.parametrize("kind", ["double-head", "lm", "lstm"])
@@ -74,6 +90,20 @@ def test_a_sample_is_worth_what_its_steps_are_as_first_ones(checkpoint: Path, ki
     assert scores == pytest.approx([slow(found, PROMPTS[number], text) for number, text in samples], rel=1e-3)
     assert len(set(scores)) == 4
     assert found.complete(PROMPTS, "best-of-k").completions, "with a second head or without"
+
+
+def test_a_head_that_judges_steps_is_asked_for_each(checkpoint: Path) -> None:  # noqa: F811
+    found = planner(checkpoint)
+    found.model.multiple_choice_head.summary.weight.data *= 50
+    samples = [(0, TEXT), (1, TEXT), (0, ONE), (0, TEXT.removesuffix(" <|endoftext|>")), (0, STATELESS)]
+    texts = drawn(found, samples)
+    whole = head_scores(found, texts)
+    found.model.config.judges_steps = True
+    scores = head_scores(found, texts)
+    assert scores[:3] == pytest.approx([slow_chance(found, PROMPTS[n], text) for n, text in samples[:3]], rel=1e-3)
+    assert scores[3:] == [-math.inf] * 2
+    assert scores != whole
+    assert len(set(scores[:3])) == 3
 
 
 def test_steps_are_asked_for_from_the_state_before_them() -> None:
@@ -116,8 +146,8 @@ def test_states_with_more_objects_than_slots_lose_nothing_else() -> None:
     samples = Drawn(PROMPTS, right.ids, right.made * 2, [replace(right.texts[0], text=wrong), *right.texts], 0.0)
     assert replan_scores(found, samples) == [-math.inf, replan_scores(found, right)[0]]
     crowded = f"{PROMPTS[0]}, {crowd}"
-    (lost,), (kept,) = found._first_steps([crowded, PROMPTS[0]], 1)
+    (lost,), (kept,) = found.first_steps([crowded, PROMPTS[0]], 1)
     assert (lost.text, lost.finished) == ("", False)
-    assert kept == found._first_steps(PROMPTS[:1], 1)[0][0]
+    assert kept == found.first_steps(PROMPTS[:1], 1)[0][0]
     with pytest.raises(TokenizerError, match="objects"):
         found.complete([crowded], "replan")

@@ -27,7 +27,14 @@ torch.set_num_threads(1)  # the models are so small that threads wait more than 
 KINDS = ("double-head", "lm-head", "lstm")
 
 
-SMALL = ("model.layers=2", "model.width=32", "model.context=400", "tokenizer.kind=bpe", "tokenizer.vocab_size=320")
+SMALL = (
+    "train.own_steps=0",
+    "model.layers=2",
+    "model.width=32",
+    "model.context=400",
+    "tokenizer.kind=bpe",
+    "tokenizer.vocab_size=320",
+)
 
 
 def config(kind="double-head", steps=12, *more):

@@ -4,7 +4,6 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 import torch
 from safetensors.torch import load_file
@@ -132,10 +131,3 @@ def test_a_checkpoint_continues_prompts_about_any_names(folder, tmp_path):
         "<|startoftext|> <GOAL> on(b, c) <INIT> on(c, b)",
     ]
     assert len(planner.complete(prompts, "greedy").completions) == 2
-
-
-def test_a_models_own_negatives_get_the_same_names_as_their_prompts(folder, tmp_path):
-    rows = pq.read_table(next((folder / "data").glob("train-00000*"))).slice(0, 50)
-    pq.write_table(rows.select(["index", "prompt", "words", "negative"]), tmp_path / "own.parquet")
-    own = f"train.own_negatives={tmp_path / 'own.parquet'}"
-    assert train(config(own, "train.own_share=0.5"), folder, tmp_path / "run", shown=False) == 0

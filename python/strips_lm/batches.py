@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from strips_lm.dataset import PlanDataset
+    from strips_lm.dataset import PlanDataset, StepPool
     from strips_lm.spelling import Spelling
 
 
@@ -226,7 +226,7 @@ def build_step(
 
 
 Group = tuple[Row, ...]
-"""A positive, and its negative where it comes along."""
+"""A positive, and its negative where it comes along, or two steps for the second head; the last two rows are a pair."""
 
 Select: TypeAlias = "Callable[[Sequence[Group], NDArray[np.int64]], NDArray[np.int64]]"
 """Of dressed records and their numbers, the places of those that a step is made of, ascending."""
@@ -246,11 +246,38 @@ def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.
         if data.slots and len(places):
             for place, parts in zip(places, _renumber([dressed[i] for i in places], data.slots, rng), strict=True):
                 dressed[place] = parts
+    own = iter(_own_steps(data, data.own_steps, int(paired.sum()), dress, rng)) if data.own_steps is not None else None
     groups: list[Group] = []
     for parts, offset, pair in zip(dressed, offsets, paired, strict=True):
         positive = Row(parts[0], parts[1], scored=True, offset=int(offset))
-        groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))) if pair else (positive,))
+        if not pair:
+            groups.append((positive,))
+        elif own is not None:
+            groups.append((positive, *next(own)))
+        else:
+            groups.append((positive, Row(parts[0], parts[2], scored=False, offset=int(offset))))
     return groups
+
+
+def _own_steps(
+    data: PlanDataset, pool: StepPool, count: int, dress: Dress, rng: np.random.Generator
+) -> Iterator[tuple[Row, Row]]:
+    """So many pairs of a right step and a wrong one, each with its own prompt, varied like records."""
+    numbers = np.concatenate((rng.choice(pool.right, count), rng.choice(pool.wrong, count)))
+    offsets = rng.integers(dress.offset + 1, size=2 * count)
+    offsets[rng.random(2 * count) >= dress.offset_share] = 0
+    renumbered = np.flatnonzero(rng.random(2 * count) < dress.renumber_share)
+    dressed = [[pool.prompts[number], pool.steps[number]] for number in numbers]
+    if data.spelling is not None:
+        dressed = [data.spelling.spell(parts, rng, dress.short_names) for parts in dressed]
+    elif data.slots and len(renumbered):
+        for place, parts in zip(renumbered, _renumber([dressed[i] for i in renumbered], data.slots, rng), strict=True):
+            dressed[place] = parts
+    rows = [
+        Row(prompt, step, scored=False, offset=int(offset))
+        for (prompt, step), offset in zip(dressed, offsets, strict=True)
+    ]
+    return zip(rows[:count], rows[count:], strict=True)
 
 
 def _name(
@@ -320,9 +347,9 @@ def share_batch(groups: Sequence[Group], pad: int, spread: float, rank: int = 0,
     rows: list[Row] = []
     pairs: list[range] = []
     for group in mine:
-        if len(group) > 1:
-            pairs.append(range(len(rows), len(rows) + len(group)))
         rows.extend(group)
+        if len(group) > 1:
+            pairs.append(range(len(rows) - 2, len(rows)))
     return collate(rows, pairs, pad, spread)
 
 

@@ -94,6 +94,21 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True)
+class StepPool:
+    """Single steps, each after a prompt from the state before it, that a second head is to tell apart."""
+
+    prompts: Ragged
+    steps: Ragged
+    right: NDArray[np.int64]
+    """The numbers of those that hold."""
+    wrong: NDArray[np.int64]
+
+    def __bool__(self) -> bool:
+        """Whether there are steps of both kinds."""
+        return len(self.right) > 0 and len(self.wrong) > 0
+
+
+@dataclass(frozen=True, slots=True)
 class PlanDataset:
     """The pairs of one split; record numbers below are positions in these arrays."""
 
@@ -116,6 +131,8 @@ class PlanDataset:
     """The same records with the data's own names, where a `spelling` does not draw all of them."""
     mixed: tuple[tuple[str, int], ...] = ()
     """Of a mixture, the name of each data set and the number of its first record."""
+    own_steps: StepPool | None = None
+    """What the second head is shown in place of the records' negatives."""
 
     def __len__(self) -> int:
         return len(self.kept)
@@ -143,11 +160,11 @@ class PlanDataset:
 def open_data(data: str | Path, split: str, tokenizer: PlanTokenizer, context: int, room: int = 0) -> PlanDataset:
     """The split of a data set, or of all data sets of a mixture as one; else as `open_split`."""
     folders = data_sets(Path(data))
-    parts = [open_split(folder, split, _speaking(tokenizer, folder), context, room) for folder in folders]
+    parts = [open_split(folder, split, speaking(tokenizer, folder), context, room) for folder in folders]
     return parts[0] if len(parts) == 1 else mix(parts, [folder.name for folder in folders])
 
 
-def _speaking(tokenizer: PlanTokenizer, folder: Path) -> PlanTokenizer:
+def speaking(tokenizer: PlanTokenizer, folder: Path) -> PlanTokenizer:
     """The tokenizer for the texts of a data set's domain."""
     path = folder / "domain.pddl"
     return tokenizer.of_domain(Domain.parse(path.read_bytes(), str(path))) if path.is_file() else tokenizer

@@ -172,7 +172,7 @@ class Planner:
             self.tokenizer.encode_prompts(
                 prompts
             )  # a prompt without tokens is the caller's mistake; a state, the model's
-            completions = replan(prompts, self._first_steps, self.config.samples, self.config.max_new, tick)
+            completions = replan(prompts, self.first_steps, self.config.samples, self.config.max_new, tick)
             return Batch(completions, sum(c.tokens for c in completions), time.perf_counter() - started)
         asked = Encoded(prompts, *self.tokenizer.encode_prompts(prompts))
         made = self._guided(asked, decode, tasks, tick) if decode in GUIDED else self._decode(asked.ids, decode, tick)
@@ -194,7 +194,7 @@ class Planner:
         seconds = drawn.seconds + (rating.seconds if rating else 0.0)
         return Batch([drawn.texts[i] for i in best], sum(len(g.tokens) for g in drawn.made), seconds)
 
-    def _first_steps(self, prompts: Sequence[str], draws: int) -> list[list[Completion]]:
+    def first_steps(self, prompts: Sequence[str], draws: int) -> list[list[Completion]]:
         """Continuations of each prompt up to its second action, the likeliest first.
 
         One is the greedy one, more are drawn. Nothing where a prompt is too long, or has no tokens: a state that a

@@ -47,7 +47,7 @@ def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32, *
     if pairs == 0:
         return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()))
     logits = model.multiple_choice_head.summary(hidden[tokens:].to(_weight_type(model))).view(pairs, -1)
-    mc = F.cross_entropy(logits, batch.mc_labels, reduction="sum")
+    mc = _step_losses(logits) if judges_steps(model) else F.cross_entropy(logits, batch.mc_labels, reduction="sum")
     right = (logits.argmax(dim=-1) == batch.mc_labels).sum()
     return Losses(lm, mc, tokens, pairs, right)
 
@@ -61,6 +61,18 @@ def _idle_head(model: Any, lm: Tensor) -> Tensor:
     """Zero by way of the second head, if any: data-parallel wrappers wait for every parameter's gradient."""
     head = getattr(model, "multiple_choice_head", None)
     return lm.new_zeros(()) if head is None else 0.0 * sum(weight.sum() for weight in head.parameters())
+
+
+def judges_steps(model: Any) -> bool:
+    """Whether the second head says of a single step whether it holds, not which of several texts is the right one."""
+    return bool(getattr(model.config, "judges_steps", False))
+
+
+def _step_losses(logits: Tensor) -> Tensor:
+    """The summed losses (nats) of pairs of a right and a wrong step, (pairs, 2): a mean over a pair's two steps."""
+    truth = torch.zeros_like(logits)
+    truth[:, 0] = 1.0
+    return F.binary_cross_entropy_with_logits(logits, truth, reduction="sum") / logits.shape[1]
 
 
 def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float, mc_weight: float) -> Tensor:

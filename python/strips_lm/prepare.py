@@ -20,7 +20,8 @@ from strips_lm.folders import data_sets
 from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
 from strips_lm.objective import Objective, validation_step
-from strips_lm.own_negatives import with_negatives
+from strips_lm.own_steps import FILE
+from strips_lm.second_head import check_own_steps, draws_own_steps
 from strips_lm.sharding import fill, shard
 from strips_lm.tuning import default, load_choice, save_choice, tuned
 from strips_lm.watch import Clock, say
@@ -44,7 +45,11 @@ class Run:
     """Everything that one training run holds in its hands."""
 
     config: RunConfig
+    folder: Path
+    """The data set's, or a mixture's."""
     data: PlanDataset
+    held: PlanDataset
+    """The validation split."""
     accelerator: Accelerator
     objective: torch.nn.Module
     optimizer: Optimizer
@@ -70,14 +75,18 @@ def prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: bool
     for folder in data_sets(data):
         if not (folder / "data").is_dir():
             raise DataSetError(f"{folder}: no data set here\nhint: strips-lm gen-data --out {folder}")
+    check_own_steps(config, data)
     if os.environ.pop("ACCELERATE_USE_FSDP", "").lower() == "true":  # `accelerate launch --use_fsdp`
         config = replace(config, train=replace(config.train, shard=True))
     accelerator = _accelerator(config.train.trackers, out)
     out.mkdir(parents=True, exist_ok=True)
+    if not resumed and accelerator.is_main_process:
+        (out / FILE).unlink(missing_ok=True)
     tokenizer = _tokenizer(config, data, out, resumed)
     with accelerator.main_process_first():
         training, validation = _open(config, data, tokenizer)
     model = make_model(config.model, tokenizer, config.seed).to(accelerator.device)
+    model.config.judges_steps = draws_own_steps(config)
     optimizer = make_optimizer(model, config.train)
     progress = resume(last_checkpoint(out), model, optimizer) if resumed else Progress()
     objective = Objective(model, torch.float32).train()
@@ -95,10 +104,13 @@ def prepare(config: RunConfig, data: Path, out: Path, resumed: bool, shown: bool
     save_choice(out, choice)
     about = {"domains": _domains(data), "records": len(training), "records too long, left out": training.left_out}
     records = min(config.train.validation_records, len(validation))
-    held = validation_step(validation, records, config.train.batch_tokens, config.model.kind == "double-head")
+    choices = config.model.kind == "double-head" and not draws_own_steps(config)
+    held = validation_step(validation, records, config.train.batch_tokens, choices)
     return Run(
         config,
+        data,
         training,
+        validation,
         accelerator,
         objective,
         optimizer,
@@ -157,15 +169,10 @@ def _tokenizer(config: RunConfig, data: Path, out: Path, resumed: bool) -> PlanT
 
 def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[PlanDataset, PlanDataset]:
     """The training and the validation split."""
-    context, room = config.model.context, config.train.position_offset
-    train = config.train
+    context, room, train = config.model.context, config.train.position_offset, config.train
 
     def opened(stored: PlanTokenizer) -> PlanDataset:
-        found = open_data(data, "train", stored, context, room)
-        if not train.own_negatives:
-            return found
-        longest, share = context - room, train.own_share
-        return with_negatives(found, train.own_negatives, stored, longest, share=share, seed=config.seed)
+        return open_data(data, "train", stored, context, room)
 
     held = open_data(data, "validation", tokenizer, context)
     spelling = tokenizer.spelling(context - room) if train.drawn_names else None

@@ -2,8 +2,9 @@
 
 By `replan` a sample is worth the likelihood of each of its steps as a first one: as the model finds it when it is
 asked anew from the state before it, as the text says that state, with nothing else kept. A model that goes wrong late
-in a long text, where its training had little, mostly knows better there; the oracle takes no part. Price: a forward
-pass over a prompt and a step for each step that differs between a prompt's samples.
+in a long text, where its training had little, mostly knows better there; the oracle takes no part. A second head that
+has learnt to judge steps is asked in the same way. Price: a forward pass over a prompt and a step for each step that
+differs between a prompt's samples.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from strips_lm.batches import padded_parts
 from strips_lm.config import ConfigError
 from strips_lm.decode.loop import pad
 from strips_lm.forward import hidden_at
+from strips_lm.loss import judges_steps
 from strips_lm.replan import first_steps
 from strips_lm.stepwise import log_probabilities
 from strips_lm.tokenizer import encode_each
@@ -88,16 +90,38 @@ def rate(planner: Planner, drawn: Drawn, rerank: str, judge: Judge | None = None
     return Rating(scores, time.perf_counter() - started)
 
 
-@torch.inference_mode()
 def head_scores(planner: Planner, drawn: Drawn) -> list[float]:
-    """The multiple-choice head's logit of every sample, read at its last token.
+    """What the second head says of every sample.
+
+    A head that judges steps: the log-probability that all steps hold, as `by_steps`. Another: the logit read at the
+    sample's last token.
 
     Raises:
         ConfigError: the model has no such head.
     """
     if not planner.has_head:
         raise ConfigError("this model has no multiple-choice head\nhint: choose by replan, or train double-head")
-    texts = [drawn.whole(index) for index in range(len(drawn.made))]
+    if judges_steps(planner.model):
+        return by_steps(log_chances, planner, *_finished(drawn))
+    return _logits(planner, [drawn.whole(index) for index in range(len(drawn.made))])
+
+
+def log_chances(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list[float]:
+    """Of each step, after the prompt that asks for it, the log-probability that it holds, as the second head has it.
+
+    It is minus infinity where both do not fit the model's context, or have no tokens.
+    """
+    rows = _rows(planner, pairs)
+    logits = _logits(planner, [[*map(int, prompt), *map(int, step)] for _, prompt, step in rows])
+    found = [-math.inf] * len(pairs)
+    for (index, *_), logit in zip(rows, logits, strict=True):
+        found[index] = -math.log1p(math.exp(-logit)) if logit > 0.0 else logit - math.log1p(math.exp(logit))
+    return found
+
+
+@torch.inference_mode()
+def _logits(planner: Planner, texts: Sequence[Sequence[int]]) -> list[float]:
+    """The second head's logit of each text."""
     found = [0.0] * len(texts)
     for part in padded_parts(list(map(len, texts))):
         for index, logit in zip(part, _head_logits(planner.model, [texts[i] for i in part]), strict=True):
@@ -119,33 +143,53 @@ def _head_logits(model: Any, texts: Sequence[Sequence[int]]) -> list[float]:
 
 
 def replan_scores(planner: Planner, drawn: Drawn) -> list[float]:
-    """The log-likelihood of every sample, in nats, each of its steps as the first one after the state before it.
+    """The log-likelihood of every sample, in nats, each of its steps as the first one after the state before it."""
+    return by_steps(_log_likelihoods, planner, *_finished(drawn))
 
-    It is minus infinity where a text is not finished, says no state where another step follows, or has a step that the
-    model cannot be asked for.
+
+def _finished(drawn: Drawn) -> tuple[list[str], list[str]]:
+    """Prompts and texts of the samples, those without an end as no text at all."""
+    texts = [text.text if g.finished else "" for g, text in zip(drawn.made, drawn.texts, strict=True)]
+    return [drawn.prompts[g.prompt] for g in drawn.made], texts
+
+
+def by_steps(
+    worth: Callable[[Planner, Sequence[tuple[str, str]]], Sequence[float]],
+    planner: Planner,
+    prompts: Sequence[str],
+    completions: Sequence[str],
+) -> list[float]:
+    """The sum of what each step of a completion is worth as the first one after the state before it.
+
+    Steps that completions share are read once. A sum is minus infinity where there is no text, a state is left out
+    before another step, or a step cannot be asked for.
     """
-    steps = [
-        first_steps(drawn.prompts[g.prompt], text.text) if g.finished else []
-        for g, text in zip(drawn.made, drawn.texts, strict=True)
-    ]
+    pairs = zip(prompts, completions, strict=True)
+    steps = [first_steps(prompt, text) if text else [] for prompt, text in pairs]
     different = list(dict.fromkeys(step for found in steps for step in found))
-    known = dict(zip(different, _log_likelihoods(planner, different), strict=True))
+    known = dict(zip(different, worth(planner, different), strict=True))
     return [sum(known[step] for step in found) if found else -math.inf for found in steps]
+
+
+def _rows(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list[tuple[int, Any, Any]]:
+    """(number, prompt's tokens, completion's) of those that fit the model's context and have tokens.
+
+    A state that a model wrote may name more objects than there are slots.
+    """
+    rows = encode_each(planner.tokenizer.encode_records, *map(list, zip(*pairs, strict=True))) if pairs else []
+    found = [(index, row[0], row[1]) for index, row in enumerate(rows) if row is not None]
+    return [row for row in found if len(row[1]) + len(row[2]) <= planner.model_context]
 
 
 def _log_likelihoods(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list[float]:
     """Of each completion after its prompt, in nats.
 
-    It is minus infinity where both do not fit the model's context, or have no tokens: a state that a model wrote may
-    name more objects than there are slots.
+    It is minus infinity where both do not fit the model's context, or have no tokens.
     """
-    rows = encode_each(planner.tokenizer.encode_records, *map(list, zip(*pairs, strict=True))) if pairs else []
-    lengths = {index: len(row[0]) + len(row[1]) for index, row in enumerate(rows) if row is not None}
-    fit = [index for index, length in lengths.items() if length <= planner.model_context]
+    rows = _rows(planner, pairs)
     found = [-math.inf] * len(pairs)
-    for part in padded_parts([lengths[index] for index in fit]):
-        chosen = [fit[place] for place in part]
-        prompts, completions, _ = zip(*(rows[index] for index in chosen), strict=True)
-        for index, tokens in zip(chosen, log_probabilities(planner, prompts, completions), strict=True):
-            found[index] = math.fsum(log_probability for _, log_probability in tokens)
+    for part in padded_parts([len(prompt) + len(completion) for _, prompt, completion in rows]):
+        numbers, prompts, completions = zip(*(rows[place] for place in part), strict=True)
+        for number, tokens in zip(numbers, log_probabilities(planner, prompts, completions), strict=True):
+            found[number] = math.fsum(log_probability for _, log_probability in tokens)
     return found

@@ -25,6 +25,7 @@ from strips_lm.forward import best_spread
 from strips_lm.loss import weighted
 from strips_lm.objective import measure
 from strips_lm.prepare import Run, prepare
+from strips_lm.second_head import draws_own_steps, show_own_steps
 from strips_lm.selection import Selection
 from strips_lm.sharding import full
 from strips_lm.watch import Signals, Watch
@@ -73,6 +74,9 @@ def _loop(run: Run, watch: Watch, signals: Signals) -> tuple[float, int]:
             fraction, number, saving = _agree(run, signals, window)
             if fraction >= 1.0 or number:
                 return fraction, number
+            if run.data.own_steps is None and draws_own_steps(run.config) and fraction >= train.mc_start:
+                watch.tell(show_own_steps(run, lambda: signals.received is not None))
+                continue
             step = steps.next(fraction)
             window.add(step, _take_step(run, step, fraction))
             progress.step, progress.tokens = progress.step + 1, progress.tokens + step.seen
@@ -120,6 +124,8 @@ class Steps:
         fraction = max(fraction, number / train.steps if train.steps and self.pool else 0.0)
         parts = [records, *self._more(fraction)]
         choosing = run.config.model.kind == "double-head" and fraction >= train.mc_start
+        if draws_own_steps(run.config):
+            choosing = bool(run.data.own_steps)
         mc_share = train.mc_share if choosing else 0.0
         short = max(0.0, 1.0 - fraction / train.short_names) if train.short_names else 0.0
         named = (1.0 - train.drawn_names) * (1.0 - short)
@@ -252,7 +258,10 @@ def _measure(run: Run, watch: Watch, fraction: float) -> None:
     progress.measured = int(fraction / run.config.train.evaluate_every + 1e-9)
     about = {"step": progress.step, "seconds": round(run.clock.seconds(), 3), "tokens": progress.tokens}
     train = run.config.train
-    loss = train.lm_weight * found.lm_loss + train.mc_weight * (found.mc_loss or 0.0)
+    mc = found.mc_loss or 0.0
+    if found.mc_loss is None and draws_own_steps(run.config):
+        mc = math.log(2.0)  # A head that has been shown nothing: as likely right as wrong.
+    loss = train.lm_weight * found.lm_loss + train.mc_weight * mc
     watch.log(
         "validation", fraction, {**about, "loss": loss, **asdict(found), **_beside_floor(found.lm_loss, run.floor)}
     )

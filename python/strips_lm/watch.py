@@ -86,6 +86,11 @@ class Watch(AbstractContextManager["Watch"]):
         self._bar.stop()
         self._file.close()
 
+    def tell(self, line: str) -> None:
+        """Writes a line that stays above the bar."""
+        if self._shown:
+            self._bar.console.print(line, highlight=False)
+
     def log(self, kind: str, fraction: float, values: dict[str, Any]) -> None:
         """Writes one line to `metrics.jsonl`, hands it to the trackers and moves the bar."""
         self._file.write(json.dumps({"kind": kind, "progress": round(fraction, 5), **values}) + "\n")

@@ -27,7 +27,6 @@ COMMANDS = {
     "show": "make one record of a data set anew",
     "verify-data": "prove a data set again from its files alone",
     "train": "train a model on a data set",
-    "sample-negatives": "have a model's own wrong plans serve as negatives",
     "export": "write a trained model as a plain language model for other programs",
     "generate": "have a model write a plan for a problem, and the oracle check it",
     "evaluate": "score models on suites of problems",

@@ -254,10 +254,9 @@ class TrainConfig:
     """Share of the records that bring their negative along for the multiple-choice loss."""
     mc_start: float = 0.0
     """Share of the run after which negatives come along."""
-    own_negatives: str = ""
-    """A model's own wrong samples, written by `strips-lm sample-negatives`, in place of their records' negatives."""
-    own_share: float = 0.0
-    """Share that the records of that file get of all that are trained on, by leaving others out; 0 leaves none out."""
+    own_steps: int = 0
+    """Training prompts that the model's own steps are drawn for once `mc_start` is reached: from then on the second
+    head learns to say of a single step whether it holds. 0: it tells records from their negatives."""
     position_offset: int = 0
     """Some records start at a random position of 0 to this, so that plans longer than the training's are no news."""
     offset_share: float = 0.3
@@ -292,10 +291,10 @@ class TrainConfig:
         check(self.steps > 0 or self.minutes > 0.0, "`train.steps` or `train.minutes` must be positive")
         check(min(self.step_tokens, self.batch_tokens) > 0, "`train.step_tokens` and `train.batch_tokens` are positive")
         check(self.select_from > 0, "`train.select_from` must be positive")
+        check(self.own_steps >= 0, "`train.own_steps` is a number of prompts; 0 draws none")
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
-        check(bool(self.own_negatives) or not self.own_share, "`train.own_share` needs `train.own_negatives`")
-        shares = "mc_share", "own_share", "offset_share", "renumber_share", "drawn_names", "short_names"
+        shares = "mc_share", "offset_share", "renumber_share", "drawn_names", "short_names"
         for share in (*shares, "select_start", "select_end"):
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 

@@ -16,7 +16,9 @@ from torch.nn import functional as F
 from strips_lm.batches import Batch, Row, collate, padded_parts
 from strips_lm.evaluate.results import Likelihood
 from strips_lm.forward import hidden_at
+from strips_lm.loss import judges_steps
 from strips_lm.lstm import LstmLMHeadModel
+from strips_lm.rerank import by_steps, log_chances
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,6 +37,13 @@ class _Sums:
     floor_nats: float = 0.0
     by_negative: dict[str, list[int]] = field(default_factory=dict)
 
+    def count(self, items: Sequence[Item], better: Sequence[bool]) -> None:
+        """Adds choices, each between an item's plan and its corruption."""
+        for item, right in zip(items, better, strict=True):
+            counts = self.by_negative.setdefault(item.negative_kind, [0, 0])
+            counts[0] += right
+            counts[1] += 1
+
 
 def measure(planner: Planner, name: str, suite: str, items: Sequence[Item]) -> Likelihood:
     """Perplexity and multiple choice of one model on the pairs of one suite."""
@@ -43,12 +52,14 @@ def measure(planner: Planner, name: str, suite: str, items: Sequence[Item]) -> L
     sums = _Sums()
     for part in padded_parts([len(pair.rows) * max(map(len, pair.rows)) for pair in kept]):
         _add(planner, [kept[i] for i in part], sums)
+    if planner.has_head and judges_steps(planner.model):
+        sums.count([pair.item for pair in kept], _by_steps(planner, [pair.item for pair in kept]))
     return _finish(sums, name, suite, left_out=len(pairs) - len(kept))
 
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """A plan and, where the model has a second head, its corruption, as rows of tokens."""
+    """A plan and, where the model has a second head that reads it, its corruption, as rows of tokens."""
 
     item: Item
     rows: tuple[Row, ...]
@@ -60,7 +71,7 @@ def _encode(planner: Planner, items: Sequence[Item]) -> list[_Pair]:
     encode = planner.tokenizer.encode_records
     asked, right, _ = encode(prompts, [item.completion for item in items], words)
     rows = [[Row(prompt, ids, scored=True)] for prompt, ids in zip(asked, right, strict=True)]
-    if planner.has_head:
+    if planner.has_head and not judges_steps(planner.model):
         _, wrong, _ = encode(prompts, [item.negative for item in items], words)
         for row, prompt, ids in zip(rows, asked, wrong, strict=True):
             row.append(Row(prompt, ids, scored=False))
@@ -72,17 +83,23 @@ def _add(planner: Planner, pairs: list[_Pair], sums: _Sums) -> None:
     """One batch through the model and into the sums."""
     rows = [row for pair in pairs for row in pair.rows]
     width = len(pairs[0].rows)
-    choices = [range(i, i + width) for i in range(0, len(rows), width)] if planner.has_head else []
+    choices = [range(i, i + width) for i in range(0, len(rows), width)] if width > 1 else []
     batch = collate(rows, choices, planner.tokenizer.end_id).to(planner.model.device)
     logits, better = _forward(planner.model, batch)
     sums.nats += float(F.cross_entropy(logits, batch.lm_labels, reduction="sum"))
     sums.tokens += len(batch.lm_labels)
     sums.records += len(pairs)
     sums.floor_nats += sum(math.log(pair.item.plan_count) for pair in pairs)
-    for pair, right in zip(pairs, better, strict=False):
-        counts = sums.by_negative.setdefault(pair.item.negative_kind, [0, 0])
-        counts[0] += right
-        counts[1] += 1
+    if better:
+        sums.count([pair.item for pair in pairs], better)
+
+
+def _by_steps(planner: Planner, items: Sequence[Item]) -> list[bool]:
+    """For each plan and its corruption, whether the head finds the plan's steps likelier to hold."""
+    prompts = [item.prompt for item in items]
+    right = by_steps(log_chances, planner, prompts, [item.completion for item in items])
+    wrong = by_steps(log_chances, planner, prompts, [item.negative for item in items])
+    return [one > other for one, other in zip(right, wrong, strict=True)]
 
 
 def _forward(model: Any, batch: Batch) -> tuple[torch.Tensor, list[bool]]:
