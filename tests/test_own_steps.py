@@ -10,6 +10,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import pyarrow.parquet as pq
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -90,7 +91,7 @@ def test_every_step_is_what_the_oracle_says_of_it_alone(data: Path) -> None:  # 
     items = folder.items("train", 80)
     ticks: list[int] = []
     parrot: Any = Parrot(items)
-    found = sample_steps(parrot, folder, 80, ticks.append)
+    found = sample_steps(parrot, folder, items, ticks.append)
     assert ticks == sorted(ticks)
     assert ticks[-1] == draws(80)
     goals = {re.sub("<INIT> .*", "", item.prompt): item for item in items}
@@ -122,8 +123,9 @@ def test_verdicts_end_with_the_step_that_proves_a_negative_wrong(data: Path) -> 
 def own(data: Path, tmp_path: Path) -> Path:  # noqa: F811
     """A file of steps of the data set's records."""
     folder = DataFolder(data)
-    parrot: Any = Parrot(folder.items("train", 60))
-    write(tmp_path / "own.parquet", sample_steps(parrot, folder, 60))
+    items = folder.items("train", 60)
+    parrot: Any = Parrot(items)
+    write(tmp_path / "own.parquet", sample_steps(parrot, folder, items))
     return tmp_path / "own.parquet"
 
 
@@ -208,6 +210,22 @@ def test_a_signal_while_steps_are_drawn_ends_the_run_with_a_checkpoint(
     assert not (tmp_path / FILE).is_file()
     assert train(RunConfig.load("tiny", SETTINGS), data, tmp_path, resumed=True, shown=False) == 0
     assert (tmp_path / FILE).is_file()
+
+
+def test_a_run_in_minutes_draws_for_as_many_prompts_as_it_has_time_for(
+    data: Path,  # noqa: F811
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("strips_lm.second_head.AT_ONCE", 10)
+    monkeypatch.setattr("strips_lm.second_head.SHARE", 0.0)
+    brief = ("train.steps=0", "train.minutes=0.1", "train.autotune=false", "train.own_steps=1000")
+    prompts = {}
+    for name, more in (("brief", brief), ("whole", ("train.own_steps=20",))):
+        assert train(RunConfig.load("tiny", [*SETTINGS, *more]), data, tmp_path / name, shown=False) == 0
+        table = pq.read_table(tmp_path / name / FILE).to_pylist()
+        prompts[name] = {re.sub("<INIT> .*", "", row["prompt"]) for row in table}
+    assert 0 < len(prompts["brief"]) <= 10 < len(prompts["whole"]) <= 20
 
 
 def test_a_mixture_is_refused(data: Path, tmp_path: Path) -> None:  # noqa: F811

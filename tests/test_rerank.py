@@ -16,7 +16,7 @@ torch.set_num_threads(1)
 from transformers import GPT2Config, GPT2LMHeadModel  # noqa: E402
 
 from strips_lm import _native  # noqa: E402
-from strips_lm.config import RunConfig  # noqa: E402
+from strips_lm.config import ConfigError, RunConfig  # noqa: E402
 from strips_lm.decode import Generation  # noqa: E402
 from strips_lm.generate import Completion, Planner  # noqa: E402
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
@@ -26,7 +26,7 @@ from strips_lm.tokenizer import CanonicalTokenizer, TokenizerError  # noqa: E402
 from test_generate import PROMPTS, TEXT, checkpoint, planner  # noqa: E402, F401  (a fixture is used by its name)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
 ONE = "<ACTION> pick(cup) <STATE> inhand(cup) <|endoftext|>"
@@ -151,3 +151,26 @@ def test_states_with_more_objects_than_slots_lose_nothing_else() -> None:
     assert kept == found.first_steps(PROMPTS[:1], 1)[0][0]
     with pytest.raises(TokenizerError, match="objects"):
         found.complete([crowded], "replan")
+
+
+def test_plans_that_the_head_doubts_are_tried_again(checkpoint: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    found = planner(checkpoint, "generate.attempts=4")
+    with pytest.raises(ConfigError, match="judges steps"):
+        found.complete(PROMPTS, "replan")
+    found.model.config.judges_steps = True
+    tried: list[dict[str, Completion]] = []
+    chances = iter([[-0.1, -3.0], [-2.0], [-2.5], [-1.0]])
+
+    def holds(_: Planner, prompts: Sequence[str], plans: Sequence[Completion]) -> list[float]:
+        tried.append(dict(zip(prompts, plans, strict=True)))
+        return next(chances)
+
+    monkeypatch.setattr("strips_lm.generate.holding", holds)
+    made = found.complete(PROMPTS, "replan")
+    assert [list(plans) for plans in tried] == [PROMPTS, *[PROMPTS[1:]] * 3], "the first is approved at once"
+    assert made.completions == [tried[0][PROMPTS[0]], tried[3][PROMPTS[1]]]
+    assert made.tokens == sum(plan.tokens for plans in tried for plan in plans.values())
+    assert len({plans[PROMPTS[1]].text for plans in tried}) == 4
+    monkeypatch.undo()
+    once, again = (found.complete(PROMPTS, "replan") for _ in range(2))
+    assert once.completions == again.completions

@@ -8,9 +8,11 @@ among them, of prompts' numbers to guide the model.
 from __future__ import annotations
 
 import copy
+import math
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 import torch
@@ -25,10 +27,11 @@ from strips_lm.decode.masked import MaskedLoop
 from strips_lm.decode.search import Budget, SearchLoop
 from strips_lm.fallback import Fallback
 from strips_lm.guides import oracle_guide
+from strips_lm.loss import judges_steps
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
 from strips_lm.replan import Encoded, Renewal, replan
-from strips_lm.rerank import Drawn, rate
+from strips_lm.rerank import Drawn, holding, rate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -169,11 +172,8 @@ class Planner:
             return self.choose(drawn, rate(self, drawn, self.config.rerank, judge))
         started = time.perf_counter()
         if decode == "replan":
-            self.tokenizer.encode_prompts(
-                prompts
-            )  # a prompt without tokens is the caller's mistake; a state, the model's
-            completions = replan(prompts, self.first_steps, self.config.samples, self.config.max_new, tick)
-            return Batch(completions, sum(c.tokens for c in completions), time.perf_counter() - started)
+            completions, tokens = self._replan(prompts, tick)
+            return Batch(completions, tokens, time.perf_counter() - started)
         asked = Encoded(prompts, *self.tokenizer.encode_prompts(prompts))
         made = self._guided(asked, decode, tasks, tick) if decode in GUIDED else self._decode(asked.ids, decode, tick)
         completions = self._texts(asked.ids, asked.legends, made)
@@ -194,22 +194,52 @@ class Planner:
         seconds = drawn.seconds + (rating.seconds if rating else 0.0)
         return Batch([drawn.texts[i] for i in best], sum(len(g.tokens) for g in drawn.made), seconds)
 
-    def first_steps(self, prompts: Sequence[str], draws: int) -> list[list[Completion]]:
+    def _replan(self, prompts: Sequence[str], tick: Callable[[int], None] | None) -> tuple[list[Completion], int]:
+        """Plans made of first steps, and the tokens of all that were tried.
+
+        Those that the second head doubts are tried again with drawn steps, `config.attempts` times in all; of a
+        prompt's plans the one stays that the head finds likeliest to hold.
+        """
+        config = self.config
+        if config.attempts > 1 and not (self.has_head and judges_steps(self.model)):
+            raise ConfigError("`generate.attempts` needs a second head that judges steps\nhint: train.own_steps")
+        self.tokenizer.encode_prompts(prompts)  # a prompt without tokens is the caller's mistake; a state, the model's
+        plans = replan(prompts, self.first_steps, config.samples, config.max_new, tick)
+        tokens = sum(plan.tokens for plan in plans)
+        if config.attempts == 1:
+            return plans, tokens
+        chances, seeds = holding(self, prompts, plans), count(self.seed)
+
+        def drawn(prompts: Sequence[str], draws: int) -> list[list[Completion]]:
+            return self.first_steps(prompts, draws, next(seeds))
+
+        for _ in range(1, config.attempts):
+            doubted = [i for i, chance in enumerate(chances) if chance <= math.log(0.5)]
+            asked = [prompts[i] for i in doubted]
+            again = replan(asked, drawn, config.samples, config.max_new)
+            tokens += sum(plan.tokens for plan in again)
+            for i, plan, chance in zip(doubted, again, holding(self, asked, again), strict=True):
+                if chance > chances[i]:
+                    plans[i], chances[i] = plan, chance
+        return plans, tokens
+
+    def first_steps(self, prompts: Sequence[str], draws: int, seed: int | None = None) -> list[list[Completion]]:
         """Continuations of each prompt up to its second action, the likeliest first.
 
-        One is the greedy one, more are drawn. Nothing where a prompt is too long, or has no tokens: a state that a
-        model wrote may name more objects than there are slots.
+        One is the greedy one unless there is a `seed` to draw with, more are drawn. Nothing where a prompt is too long,
+        or has no tokens: a state that a model wrote may name more objects than there are slots.
         """
         rows: list[Any] = tokenizers.encode_each(self.tokenizer.encode_prompts, prompts)
         asked = [(i, row[0]) for i, row in enumerate(rows) if row is not None and len(row[0]) < self.model_context]
         action: Any = self.tokenizer.hf.convert_tokens_to_ids("<ACTION>")
         limits = replace(self._limits(), pause=action)
         config = self.config
-        choose = Greedy() if draws == 1 else Sample(config.top_k, config.top_p, config.temperature)
+        greedy = draws == 1 and seed is None
+        choose = Greedy() if greedy else Sample(config.top_k, config.top_p, config.temperature)
         jobs = [Job(i, draw, ids) for i, ids in asked for draw in range(draws)]
 
         def loop() -> Loop:
-            return Loop(self._stepping(), choose, limits, seed=self.seed, score=draws > 1)
+            return Loop(self._stepping(), choose, limits, seed=self.seed if seed is None else seed, score=draws > 1)
 
         made = run_jobs(jobs, loop, self.workers)
         texts = self._texts([rows[g.prompt][0] for g in made], [rows[g.prompt][1] for g in made], made)

@@ -106,6 +106,11 @@ def head_scores(planner: Planner, drawn: Drawn) -> list[float]:
     return _logits(planner, [drawn.whole(index) for index in range(len(drawn.made))])
 
 
+def holding(planner: Planner, prompts: Sequence[str], plans: Sequence[Completion]) -> list[float]:
+    """The log-probability that all steps of each plan hold, as a head that judges steps has it."""
+    return by_steps(log_chances, planner, prompts, [plan.text if plan.finished else "" for plan in plans])
+
+
 def log_chances(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list[float]:
     """Of each step, after the prompt that asks for it, the log-probability that it holds, as the second head has it.
 

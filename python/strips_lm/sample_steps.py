@@ -33,13 +33,13 @@ TOP_P, TOP_K = 0.99, 8
 
 
 def sample_steps(
-    planner: Planner, data: DataFolder, limit: int, tick: Callable[[int], None] = lambda _: None
+    planner: Planner, data: DataFolder, items: Sequence[Item], tick: Callable[[int], None] = lambda _: None
 ) -> list[OwnStep]:
-    """Different steps for the first `limit` distinct prompts of the training split (0 is all), in a fixed order.
+    """Different steps for records of the training split, in a fixed order.
 
-    `tick` is called with the samples drawn so far, of `draws(limit)`.
+    `tick` is called with the samples drawn so far, of `draws(len(items))`.
     """
-    return list(_Sampling(planner, data, data.items("train", limit), tick).steps().values())
+    return list(_Sampling(planner, data, items, tick).steps().values())
 
 
 def draws(prompts: int) -> int:

@@ -1,8 +1,8 @@
 """The second head that judges the model's own steps: they are drawn, judged by the oracle, and shown from then on.
 
-The model that is being trained draws them itself, once, where `train.mc_start` is reached, in a tenth of the run's time
-or so: what it gets wrong then is what the head has to find. The first process draws and writes the file, all read it.
-A resumed run finds it there, or draws the same again.
+The model that is being trained draws them itself, once, where `train.mc_start` is reached: what it gets wrong then is
+what the head has to find. The first process draws and writes the file, all read it. A resumed run finds it there, or
+draws the same again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from strips_lm.config import RunConfig
+    from strips_lm.own_steps import OwnStep
     from strips_lm.prepare import Run
+
+AT_ONCE = 500
+"""Prompts whose steps are drawn at once."""
+
+SHARE = 1 / 15
+"""Share of a run's minutes after which no more are drawn."""
 
 
 def draws_own_steps(config: RunConfig) -> bool:
@@ -56,6 +63,18 @@ def _go_on(stopped: Callable[[], bool], _done: int) -> None:
         raise _StoppedError
 
 
+def _draw(run: Run, planner: Planner, folder: DataFolder, tick: Callable[[int], None]) -> list[OwnStep]:
+    """Steps for `train.own_steps` prompts, or for as many as a run that is measured in minutes has time for."""
+    train, start, found = run.config.train, run.clock.seconds(), []
+    items = folder.items("train", train.own_steps)
+    for first in range(0, len(items), AT_ONCE):
+        planner.seed = run.config.seed + first
+        found += sample_steps(planner, folder, items[first : first + AT_ONCE], tick)
+        if not train.steps and run.clock.seconds() - start > SHARE * 60.0 * train.minutes:
+            break
+    return found
+
+
 def show_own_steps(run: Run, stopped: Callable[[], bool] = lambda: False) -> str:
     """Has the run's second head shown the model's own steps, drawn now unless they were; says how many there are.
 
@@ -69,7 +88,7 @@ def show_own_steps(run: Run, stopped: Callable[[], bool] = lambda: False) -> str
         model.train(False)
         planner = Planner(model, tokenizer, GenerateConfig(), run.config.seed).for_domain(folder.domain)
         with suppress(_StoppedError):
-            write(path, sample_steps(planner, folder, train.own_steps, partial(_go_on, stopped)))
+            write(path, _draw(run, planner, folder, partial(_go_on, stopped)))
         model.train(training)
     run.accelerator.wait_for_everyone()
     if not path.is_file():

@@ -327,6 +327,9 @@ class GenerateConfig:
     rerank: Rerank = "replan"
     """`best-of-k`: who chooses: the second head, the likelihood, the likelihood of each step where the model is asked
     anew from the state before it (`replan`), or the oracle."""
+    attempts: int = 1
+    """`replan`: plans tried for a prompt, with drawn steps after the first, until the second head finds that one holds;
+    needs a head that judges steps (`train.own_steps`)."""
     renew_steps: int = 4
     """`masked`: steps after which the model reads a new prompt with the state at hand, if prompts list their objects;
     0 is only where steps were taken back or its context is full. `masked-replan` does so after every step."""
@@ -356,7 +359,7 @@ class GenerateConfig:
 
     def __post_init__(self) -> None:
         check(
-            min(self.max_new, self.beams, self.samples, self.rows, self.search_calls) > 0,
+            min(self.max_new, self.beams, self.samples, self.attempts, self.rows, self.search_calls) > 0,
             "the sizes in `generate` must be positive",
         )
         check(self.search_seconds >= 0.0, "`generate.search_seconds` is at least 0")

@@ -154,7 +154,10 @@ class Evaluation:
 
     def _label(self, decode: str) -> str:
         """What a way of decoding is called in the results."""
-        return f"{decode} with fallback" if self.config.generate.fallback and decode in GUIDED else decode
+        generate = self.config.generate
+        if decode == "replan" and generate.attempts > 1:
+            return f"replan, up to {generate.attempts} times"
+        return f"{decode} with fallback" if generate.fallback and decode in GUIDED else decode
 
     def _best_of_k(self, planner: Planner, name: str, suite: Suite) -> dict[str, list[int]]:
         """The same samples chosen by the head, by likelihood, step by step and by the oracle.
