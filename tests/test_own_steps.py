@@ -33,6 +33,8 @@ from strips_lm.sample_steps import draws, sample_steps, verdicts  # noqa: E402
 from strips_lm.train import train  # noqa: E402
 from test_data_sets import data, rows  # noqa: E402, F401  (a fixture is used by its name)
 from test_train import interrupt_at  # noqa: E402
+from test_train_processes import same_weights  # noqa: E402
+from test_train_processes import train as train_processes  # noqa: E402
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -226,6 +228,18 @@ def test_a_run_in_minutes_draws_for_as_many_prompts_as_it_has_time_for(
         table = pq.read_table(tmp_path / name / FILE).to_pylist()
         prompts[name] = {re.sub("<INIT> .*", "", row["prompt"]) for row in table}
     assert 0 < len(prompts["brief"]) <= 10 < len(prompts["whole"]) <= 20
+
+
+@pytest.mark.slow
+def test_two_processes_judge_the_steps_that_one_of_them_draws(data: Path, tmp_path: Path) -> None:  # noqa: F811
+    exact = ("train.mc_start=0.0", "train.optimizer=adam", "train.precision=float32", "model.dropout=0.0")
+    run = tmp_path / "given.toml"
+    RunConfig.load("tiny", [*SETTINGS, *exact]).save(run)
+    for world in (1, 2):
+        train_processes(data, tmp_path / str(world), run, world)
+    one, two = (tmp_path / world for world in ("1", "2"))
+    assert (one / FILE).read_bytes() == (two / FILE).read_bytes()
+    same_weights(*(load_file(folder / "last" / "model.safetensors") for folder in (one, two)), slack=1e-3)
 
 
 def test_a_mixture_is_refused(data: Path, tmp_path: Path) -> None:  # noqa: F811

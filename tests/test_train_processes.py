@@ -13,8 +13,6 @@ from safetensors.torch import load_file
 
 import blocks_data
 from strips_lm import train as loop
-from strips_lm.own_steps import FILE
-from test_data_sets import data  # noqa: F401  (a fixture is used by its name)
 from test_train import config, interrupt_at
 
 SETTINGS = ("model.dropout=0.0", "train.precision=float32")
@@ -72,11 +70,11 @@ def same_weights(one, two, slack):
     ids=["all", "muon", "selected", "sharded-selected", "sharded-muon"],
 )
 def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
-    blocks = blocks_data.write(tmp_path / "data")
+    data = blocks_data.write(tmp_path / "data")
     run = tmp_path / "given.toml"
     config("double-head", 6, *SETTINGS, "train.evaluate_every=0.5", "train.save_minutes=0.002", *more).save(run)
     for world in (1, 2):
-        train(blocks, tmp_path / str(world), run, world)
+        train(data, tmp_path / str(world), run, world)
     curves = [
         [json.loads(line) for line in (tmp_path / world / "metrics.jsonl").read_text().splitlines()]
         for world in ("1", "2")
@@ -89,19 +87,6 @@ def test_two_processes_have_the_loss_curve_of_one(more, tmp_path):
         one, two = (load_file(tmp_path / world / "last" / name) for world in ("1", "2"))
         # Muon's products are made in half precision where that is fast, from sums that are rounded otherwise.
         same_weights(one, two, slack=0.2 if "train.optimizer=muon" in more else 1e-3)
-
-
-@pytest.mark.slow
-def test_two_processes_judge_the_steps_that_one_of_them_draws(data, tmp_path):  # noqa: F811
-    more = ("train.own_steps=20", "tokenizer.kind=typed", "train.mc_weight=0.1")
-    run = tmp_path / "given.toml"
-    config("double-head", 6, *SETTINGS, ADAM, *more).save(run)
-    for world in (1, 2):
-        train(data, tmp_path / str(world), run, world)
-    one, two = (tmp_path / world for world in ("1", "2"))
-    assert (one / FILE).read_bytes() == (two / FILE).read_bytes()
-    same_weights(*(load_file(folder / "last" / "model.safetensors") for folder in (one, two)), slack=1e-3)
-    assert load_file(two / "last" / "model.safetensors")["multiple_choice_head.summary.weight"].norm() > 0
 
 
 @pytest.mark.slow
