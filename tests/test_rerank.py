@@ -21,7 +21,7 @@ from strips_lm.decode import Generation  # noqa: E402
 from strips_lm.generate import Completion, Planner  # noqa: E402
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel  # noqa: E402
 from strips_lm.replan import first_steps  # noqa: E402
-from strips_lm.rerank import Drawn, Rating, head_scores, replan_scores  # noqa: E402
+from strips_lm.rerank import Drawn, Rating, head_scores, rate, replan_scores  # noqa: E402
 from strips_lm.tokenizer import CanonicalTokenizer, TokenizerError  # noqa: E402
 from test_generate import PROMPTS, TEXT, checkpoint, planner  # noqa: E402, F401  (a fixture is used by its name)
 
@@ -103,6 +103,9 @@ def test_a_head_that_judges_steps_is_asked_for_each(checkpoint: Path) -> None:  
     assert scores[:3] == pytest.approx([slow_chance(found, PROMPTS[n], text) for n, text in samples[:3]], rel=1e-3)
     assert scores[3:] == [-math.inf] * 2
     assert scores != whole
+    assert rate(found, texts, "auto").scores == scores
+    found.model.config.judges_steps = False
+    assert rate(found, texts, "auto").scores == replan_scores(found, texts)
     assert len(set(scores[:3])) == 3
 
 

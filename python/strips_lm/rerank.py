@@ -71,12 +71,14 @@ class Rating:
 
 
 def rate(planner: Planner, drawn: Drawn, rerank: str, judge: Judge | None = None) -> Rating:
-    """Rates every sample in one of the ways of `RERANKS`.
+    """Rates every sample in one of the ways of `Rerank`.
 
     Raises:
         ConfigError: it takes a head or an oracle that is not there.
     """
     started = time.perf_counter()
+    if rerank == "auto":
+        rerank = "head" if planner.has_head and judges_steps(planner.model) else "replan"
     if rerank == "head":
         scores = head_scores(planner, drawn)
     elif rerank == "replan":

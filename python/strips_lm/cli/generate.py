@@ -38,7 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="greedy, sample, beam, best-of-k, replan, masked, masked-replan, search or search-replan",
     )
-    chooser = "who chooses, for best-of-k (default: replan, the likelihood of each step when it is asked for anew)"
+    chooser = "who chooses, for best-of-k (default: a head that judges steps, else replan, each step's likelihood anew)"
     parser.add_argument("--rerank", choices=RERANKS, help=chooser)
     fallback = "where the model comes to no plan, masked or by search, have the oracle's own search answer, and say so"
     parser.add_argument("--fallback", action="store_true", help=fallback)

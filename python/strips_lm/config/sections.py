@@ -299,11 +299,11 @@ class TrainConfig:
             check(0.0 <= getattr(self, share) <= 1.0, f"`train.{share}` is a share: at least 0 and at most 1")
 
 
-Rerank = Literal["head", "likelihood", "replan", "oracle"]
-"""Who chooses among the samples of `best-of-k`."""
+Rerank = Literal["auto", "head", "likelihood", "replan", "oracle"]
+"""Who chooses among the samples of `best-of-k`; `auto` is the head if it judges steps, else `replan`."""
 
-RERANKS: tuple[str, ...] = get_args(Rerank)
-"""All of them, in the order of the table."""
+RERANKS: tuple[str, ...] = get_args(Rerank)[1:]
+"""All of them by name, in the order of the table."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -324,9 +324,9 @@ class GenerateConfig:
     """`beam`: a finished beam's log-probability is divided by its length to this power."""
     samples: int = 8
     """`best-of-k`: continuations drawn for each prompt."""
-    rerank: Rerank = "replan"
+    rerank: Rerank = "auto"
     """`best-of-k`: who chooses: the second head, the likelihood, the likelihood of each step where the model is asked
-    anew from the state before it (`replan`), or the oracle."""
+    anew from the state before it (`replan`), or the oracle; `auto` is a head that judges steps, else `replan`."""
     attempts: int = 1
     """`replan`: plans tried for a prompt, with drawn steps after the first, until the second head finds that one holds;
     needs a head that judges steps (`train.own_steps`)."""
