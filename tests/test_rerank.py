@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shutil
 from dataclasses import replace
 from importlib.resources import files
 from typing import TYPE_CHECKING
@@ -107,6 +108,23 @@ def test_a_head_that_judges_steps_is_asked_for_each(checkpoint: Path) -> None:  
     found.model.config.judges_steps = False
     assert rate(found, texts, "auto").scores == replan_scores(found, texts)
     assert len(set(scores[:3])) == 3
+
+
+def test_another_checkpoint_may_judge(checkpoint: Path, tmp_path: Path) -> None:  # noqa: F811
+    with pytest.raises(ConfigError, match="judges no steps"):
+        planner(checkpoint, f"generate.judge={checkpoint}")
+    other = planner(checkpoint)
+    other.model.config.judges_steps = True
+    other.model.transformer.ln_f.weight.data *= 30
+    shutil.copytree(checkpoint, tmp_path / "judge")
+    other.model.save_pretrained(tmp_path / "judge")
+    found = planner(checkpoint, f"generate.judge={tmp_path / 'judge'}", "generate.attempts=2")
+    texts = drawn(found, [(0, TEXT), (1, TEXT), (0, ONE)])
+    assert rate(found, texts, "auto").scores == rate(found, texts, "head").scores == head_scores(other, texts)
+    assert replan_scores(found, texts) == replan_scores(planner(checkpoint), texts)
+    assert len(found.complete(PROMPTS, "replan").completions) == 2
+    domain = _native.Domain.parse((files("strips_lm") / "domains" / "manipulation" / "domain.pddl").read_bytes())
+    assert found.for_domain(domain).judging.judges_steps
 
 
 def test_steps_are_asked_for_from_the_state_before_them() -> None:

@@ -111,12 +111,15 @@ def check_decode(name: str) -> str:
 class Planner:
     """A model and its tokenizer, ready to continue prompts."""
 
+    judging: Planner
+    """The planner whose second head chooses: this one itself, or that of the checkpoint `generate.judge`."""
     on_text: Listener | None = None
     """Hears what `masked` and `masked-replan` have written so far, after every choice."""
 
     def __init__(self, model: Any, tokenizer: PlanTokenizer, config: GenerateConfig, seed: int = 0) -> None:
         """Both as they are, the model trained no further; `seed` decides what `sample` draws."""
         self.model, self.tokenizer, self.config, self.seed = model, tokenizer, config, seed
+        self.judging: Planner = self
         self.workers = config.workers or (1 if model.device.type != "cpu" else usable_cores())
 
     @classmethod
@@ -129,7 +132,12 @@ class Planner:
         place = checkpoint_folder(folder)
         device = device or ("cuda" if torch.cuda.is_available() else "cpu")
         model: Any = load_model(place)
-        return cls(model.to(device), tokenizers.load(place), config, seed)
+        found = cls(model.to(device), tokenizers.load(place), config, seed)
+        if config.judge:
+            found.judging = cls.load(config.judge, replace(config, judge=""), seed, device)
+            if not found.judging.judges_steps:
+                raise ConfigError(f"{config.judge}: its head judges no steps\nhint: train one with `--preset judge`")
+        return found
 
     def for_domain(self, domain: Domain) -> Self:
         """The same planner for prompts of one domain, which a model that was trained on several must know.
@@ -139,6 +147,7 @@ class Planner:
         """
         found = copy.copy(self)
         found.tokenizer = self.tokenizer.of_domain(domain)
+        found.judging = found if self.judging is self else self.judging.for_domain(domain)
         return found
 
     @property
@@ -150,6 +159,11 @@ class Planner:
     def has_head(self) -> bool:
         """Whether the model has a multiple-choice head."""
         return hasattr(self.model, "multiple_choice_head")
+
+    @property
+    def judges_steps(self) -> bool:
+        """Whether the model has a second head, and it judges steps."""
+        return self.has_head and judges_steps(self.model)
 
     def complete(
         self,
@@ -201,14 +215,14 @@ class Planner:
         prompt's plans the one stays that the head finds likeliest to hold.
         """
         config = self.config
-        if config.attempts > 1 and not (self.has_head and judges_steps(self.model)):
-            raise ConfigError("`generate.attempts` needs a second head that judges steps\nhint: train.own_steps")
+        if config.attempts > 1 and not self.judging.judges_steps:
+            raise ConfigError("`generate.attempts` needs a head that judges steps\nhint: `generate.judge` names one")
         self.tokenizer.encode_prompts(prompts)  # a prompt without tokens is the caller's mistake; a state, the model's
         plans = replan(prompts, self.first_steps, config.samples, config.max_new, tick)
         tokens = sum(plan.tokens for plan in plans)
         if config.attempts == 1:
             return plans, tokens
-        chances, seeds = holding(self, prompts, plans), count(self.seed)
+        chances, seeds = holding(self.judging, prompts, plans), count(self.seed)
 
         def drawn(prompts: Sequence[str], draws: int) -> list[list[Completion]]:
             return self.first_steps(prompts, draws, next(seeds))
@@ -218,7 +232,7 @@ class Planner:
             asked = [prompts[i] for i in doubted]
             again = replan(asked, drawn, config.samples, config.max_new)
             tokens += sum(plan.tokens for plan in again)
-            for i, plan, chance in zip(doubted, again, holding(self, asked, again), strict=True):
+            for i, plan, chance in zip(doubted, again, holding(self.judging, asked, again), strict=True):
                 if chance > chances[i]:
                     plans[i], chances[i] = plan, chance
         return plans, tokens

@@ -20,7 +20,6 @@ from strips_lm.batches import padded_parts
 from strips_lm.config import ConfigError
 from strips_lm.decode.loop import pad
 from strips_lm.forward import hidden_at
-from strips_lm.loss import judges_steps
 from strips_lm.replan import first_steps
 from strips_lm.stepwise import log_probabilities
 from strips_lm.tokenizer import encode_each
@@ -78,7 +77,7 @@ def rate(planner: Planner, drawn: Drawn, rerank: str, judge: Judge | None = None
     """
     started = time.perf_counter()
     if rerank == "auto":
-        rerank = "head" if planner.has_head and judges_steps(planner.model) else "replan"
+        rerank = "head" if planner.judging.judges_steps else "replan"
     if rerank == "head":
         scores = head_scores(planner, drawn)
     elif rerank == "replan":
@@ -101,10 +100,10 @@ def head_scores(planner: Planner, drawn: Drawn) -> list[float]:
     Raises:
         ConfigError: the model has no such head.
     """
+    if planner.judging.judges_steps:
+        return by_steps(log_chances, planner.judging, *_finished(drawn))
     if not planner.has_head:
         raise ConfigError("this model has no multiple-choice head\nhint: choose by replan, or train double-head")
-    if judges_steps(planner.model):
-        return by_steps(log_chances, planner, *_finished(drawn))
     return _logits(planner, [drawn.whole(index) for index in range(len(drawn.made))])
 
 

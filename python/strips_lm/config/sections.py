@@ -327,9 +327,11 @@ class GenerateConfig:
     rerank: Rerank = "auto"
     """`best-of-k`: who chooses: the second head, the likelihood, the likelihood of each step where the model is asked
     anew from the state before it (`replan`), or the oracle; `auto` is a head that judges steps, else `replan`."""
+    judge: str = ""
+    """A checkpoint whose second head judges steps (`train --preset judge`) and chooses in place of the model's own."""
     attempts: int = 1
     """`replan`: plans tried for a prompt, with drawn steps after the first, until the second head finds that one holds;
-    needs a head that judges steps (`train.own_steps`)."""
+    needs a head that judges steps (`generate.judge`)."""
     renew_steps: int = 4
     """`masked`: steps after which the model reads a new prompt with the state at hand, if prompts list their objects;
     0 is only where steps were taken back or its context is full. `masked-replan` does so after every step."""

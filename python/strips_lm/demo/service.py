@@ -151,7 +151,7 @@ class Service:
     def _decodes(self) -> list[str]:
         """The ways of decoding that this model can be asked for."""
         guided = hasattr(self.planner.tokenizer, "codec")
-        chooses = self.planner.has_head or self.planner.config.rerank != "head"
+        chooses = self.planner.judging.has_head or self.planner.config.rerank != "head"
         lacks = {*(() if guided else GUIDED), *(() if chooses else ("best-of-k",))}
         return [name for name in DECODES if name not in lacks]
 

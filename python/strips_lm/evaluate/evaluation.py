@@ -170,7 +170,7 @@ class Evaluation:
         def judge(numbers: Sequence[int], texts: Sequence[str]) -> list[bool]:
             return [j.verdict.is_valid for j in suite.judge(self.data.domain, numbers, texts)]
 
-        choices = [choice for choice in RERANKS if choice != "head" or planner.has_head]
+        choices = [choice for choice in RERANKS if choice != "head" or planner.judging.has_head]
         ratings = {choice: rate(planner, drawn, choice, judge) for choice in choices}
         label = f"best-of-{self.config.generate.samples} by"
         self._score(planner, name, suite, f"{label} first", planner.choose(drawn))

@@ -16,7 +16,6 @@ from torch.nn import functional as F
 from strips_lm.batches import Batch, Row, collate, padded_parts
 from strips_lm.evaluate.results import Likelihood
 from strips_lm.forward import hidden_at
-from strips_lm.loss import judges_steps
 from strips_lm.lstm import LstmLMHeadModel
 from strips_lm.rerank import by_steps, log_chances
 
@@ -52,7 +51,7 @@ def measure(planner: Planner, name: str, suite: str, items: Sequence[Item]) -> L
     sums = _Sums()
     for part in padded_parts([len(pair.rows) * max(map(len, pair.rows)) for pair in kept]):
         _add(planner, [kept[i] for i in part], sums)
-    if planner.has_head and judges_steps(planner.model):
+    if planner.judges_steps:
         sums.count([pair.item for pair in kept], _by_steps(planner, [pair.item for pair in kept]))
     return _finish(sums, name, suite, left_out=len(pairs) - len(kept))
 
@@ -71,7 +70,7 @@ def _encode(planner: Planner, items: Sequence[Item]) -> list[_Pair]:
     encode = planner.tokenizer.encode_records
     asked, right, _ = encode(prompts, [item.completion for item in items], words)
     rows = [[Row(prompt, ids, scored=True)] for prompt, ids in zip(asked, right, strict=True)]
-    if planner.has_head and not judges_steps(planner.model):
+    if planner.has_head and not planner.judges_steps:
         _, wrong, _ = encode(prompts, [item.negative for item in items], words)
         for row, prompt, ids in zip(rows, asked, wrong, strict=True):
             row.append(Row(prompt, ids, scored=False))
