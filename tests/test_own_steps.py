@@ -247,3 +247,14 @@ def test_a_mixture_is_refused(data: Path, tmp_path: Path) -> None:  # noqa: F811
         shutil.copytree(data, tmp_path / "mixture" / name)
     with pytest.raises(ConfigError, match="not with a mixture"):
         train(RunConfig.load("tiny", SETTINGS), tmp_path / "mixture", tmp_path / "run", shown=False)
+
+
+def test_files_of_before_are_read_unless_they_ask_for_what_is_gone(tmp_path: Path) -> None:
+    text = (
+        RunConfig.load("tiny").text().replace("own_steps = 0\n", 'own_negatives = ""\nown_share = 0.0\nown_steps = 0\n')
+    )
+    (tmp_path / "run.toml").write_text(text)
+    assert RunConfig.load(tmp_path / "run.toml") == RunConfig.load("tiny")
+    (tmp_path / "run.toml").write_text(text.replace('own_negatives = ""', 'own_negatives = "own.parquet"'))
+    with pytest.raises(ConfigError, match=r"no field `train\.own_negatives`"):
+        RunConfig.load(tmp_path / "run.toml")

@@ -106,7 +106,7 @@ class RunConfig:
     def from_dict(cls, table: dict[str, Any]) -> RunConfig:
         """Makes the configuration of nested tables, such as `tomllib` reads."""
         hints = field_types(cls)
-        values = {key: value for key, value in table.items() if key not in ABOUT}
+        values = {key: _without_gone(key, value) for key, value in table.items() if key not in ABOUT}
         for key in values:
             if key not in hints:
                 raise ConfigError(f"no section `{key}`{suggestion(key, hints)}")
@@ -129,6 +129,18 @@ class RunConfig:
     def save(self, path: str | Path) -> None:
         """Writes `run.toml`."""
         Path(path).write_text(self.text(), encoding="utf-8")
+
+
+GONE = {"train": {"own_negatives": "", "own_share": 0.0}}
+"""Fields that earlier versions wrote into `run.toml`, by section, with the value at which they did nothing."""
+
+
+def _without_gone(section: str, values: Any) -> Any:
+    """A section as it is known now: files of earlier versions are read unless they ask for what is gone."""
+    gone = GONE.get(section, {})
+    if not isinstance(values, dict) or not gone:
+        return values
+    return {key: value for key, value in values.items() if key not in gone or value != gone[key]}
 
 
 def presets() -> list[str]:
