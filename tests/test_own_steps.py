@@ -232,14 +232,20 @@ def test_a_run_in_minutes_draws_for_as_many_prompts_as_it_has_time_for(
 
 @pytest.mark.slow
 def test_two_processes_judge_the_steps_that_one_of_them_draws(data: Path, tmp_path: Path) -> None:  # noqa: F811
-    exact = ("train.mc_start=0.0", "train.optimizer=adam", "train.precision=float32", "model.dropout=0.0")
-    run = tmp_path / "given.toml"
-    RunConfig.load("tiny", [*SETTINGS, *exact]).save(run)
+    exact = ("train.optimizer=adam", "train.precision=float32", "model.dropout=0.0")
+    assert train(RunConfig.load("tiny", [*SETTINGS, *exact]), data, tmp_path / "first", shown=False) == 0
+    run, first = tmp_path / "given.toml", f"model.initial={tmp_path / 'first' / 'last'}"
+    RunConfig.load("tiny", [*SETTINGS, *exact, "train.mc_start=0.0", first]).save(run)
     for world in (1, 2):
         train_processes(data, tmp_path / str(world), run, world)
     one, two = (tmp_path / world for world in ("1", "2"))
     assert (one / FILE).read_bytes() == (two / FILE).read_bytes()
     same_weights(*(load_file(folder / "last" / "model.safetensors") for folder in (one, two)), slack=1e-3)
+
+
+def test_a_judge_needs_a_model_to_judge(data: Path, tmp_path: Path) -> None:  # noqa: F811
+    with pytest.raises(ConfigError, match="from an untrained model"):
+        train(RunConfig.load("judge"), data, tmp_path, shown=False)
 
 
 def test_a_mixture_is_refused(data: Path, tmp_path: Path) -> None:  # noqa: F811

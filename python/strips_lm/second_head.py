@@ -45,10 +45,15 @@ def check_own_steps(config: RunConfig, data: Path) -> None:
     """Whether steps can be drawn for the data, where a run is to.
 
     Raises:
-        ConfigError: it is a mixture, or not a finished data set.
+        ConfigError: it is a mixture, or not a finished data set; or they would be those of an untrained model.
     """
     if not draws_own_steps(config):
         return
+    if config.train.mc_start == 0.0 and not config.model.initial:
+        raise ConfigError(
+            "`train.own_steps` would be drawn from an untrained model\n"
+            "hint: `--set model.initial=RUN/last`, or raise `train.mc_start`"
+        )
     if len(data_sets(data)) > 1:
         raise ConfigError("`train.own_steps` goes with one data set, not with a mixture of several")
     DataFolder(data)
