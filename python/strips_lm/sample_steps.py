@@ -102,10 +102,10 @@ class _Sampling:
         judged = _native.judge(self.data.domain, problems, texts, words)
         for number, text, judgement, start in zip(numbers, texts, judged, starts, strict=True):
             item = self.items[number]
-            for place, verdict in verdicts(judgement):
-                if place > start:
-                    prompt, step = first_steps(item.prompt, text)[place - 1]
-                    yield OwnStep(prompt, item.words, step, verdict == RIGHT, verdict)
+            said = verdicts(judgement)
+            steps = first_steps(item.prompt, text) if len(said) > start else []
+            for (prompt, step), (_, verdict) in list(zip(steps, said, strict=False))[start:]:
+                yield OwnStep(prompt, item.words, step, verdict == RIGHT, verdict)
 
     def _ticker(self) -> Callable[[int], None]:
         before = self.done
