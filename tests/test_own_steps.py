@@ -29,7 +29,7 @@ from strips_lm.evaluate.suites import DataFolder  # noqa: E402
 from strips_lm.generate import Planner  # noqa: E402
 from strips_lm.own_steps import FILE, OwnStep, read, write  # noqa: E402
 from strips_lm.replan import first_steps  # noqa: E402
-from strips_lm.sample_steps import draws, sample_steps, verdicts  # noqa: E402
+from strips_lm.sample_steps import sample_steps, verdicts  # noqa: E402
 from strips_lm.train import train  # noqa: E402
 from test_data_sets import data, rows  # noqa: E402, F401  (a fixture is used by its name)
 from test_train import interrupt_at  # noqa: E402
@@ -94,8 +94,7 @@ def test_every_step_is_what_the_oracle_says_of_it_alone(data: Path) -> None:  # 
     ticks: list[int] = []
     parrot: Any = Parrot(items)
     found = sample_steps(parrot, folder, items, ticks.append)
-    assert ticks == sorted(ticks)
-    assert ticks[-1] == draws(80)
+    assert len(ticks) == 5, "once for each temperature"
     goals = {re.sub("<INIT> .*", "", item.prompt): item for item in items}
     assert len({(step.prompt, step.step) for step in found}) == len(found) > 200
     assert [step.right for step in found] == [judged_alone(folder, step, goals) for step in found]

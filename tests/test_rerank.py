@@ -186,7 +186,7 @@ def test_plans_that_the_head_doubts_are_tried_again(checkpoint: Path, monkeypatc
         tried.append(dict(zip(prompts, plans, strict=True)))
         return next(chances)
 
-    monkeypatch.setattr("strips_lm.generate.holding", holds)
+    monkeypatch.setattr("strips_lm.generate.plan_log_chances", holds)
     made = found.complete(PROMPTS, "replan")
     assert [list(plans) for plans in tried] == [PROMPTS, *[PROMPTS[1:]] * 3], "the first is approved at once"
     assert made.completions == [tried[0][PROMPTS[0]], tried[3][PROMPTS[1]]]

@@ -234,18 +234,14 @@ Select: TypeAlias = "Callable[[Sequence[Group], NDArray[np.int64]], NDArray[np.i
 
 def _dress(data: PlanDataset, records: NDArray[np.int64], dress: Dress, rng: np.random.Generator) -> list[Group]:
     """The rows of each record, varied; draws are made for all records whether or not they are used."""
-    offsets = rng.integers(dress.offset + 1, size=len(records))
-    offsets[rng.random(len(records)) >= dress.offset_share] = 0
+    offsets = _offsets(len(records), dress, rng)
     paired = rng.random(len(records)) < dress.mc_share
     renumbered = rng.random(len(records)) < dress.renumber_share
     if data.spelling is not None:
         dressed = [_name(data, data.spelling, record, dress, rng) for record in records]
     else:
         dressed = [data.parts(record) for record in records]
-        places = np.flatnonzero(renumbered)
-        if data.slots and len(places):
-            for place, parts in zip(places, _renumber([dressed[i] for i in places], data.slots, rng), strict=True):
-                dressed[place] = parts
+        _renumber_some(dressed, renumbered, data.slots, rng)
     own = iter(_own_steps(data, data.own_steps, int(paired.sum()), dress, rng)) if data.own_steps is not None else None
     groups: list[Group] = []
     for parts, offset, pair in zip(dressed, offsets, paired, strict=True):
@@ -264,15 +260,13 @@ def _own_steps(
 ) -> Iterator[tuple[Row, Row]]:
     """So many pairs of a right step and a wrong one, each with its own prompt, varied like records."""
     numbers = np.concatenate((rng.choice(pool.right, count), rng.choice(pool.wrong, count)))
-    offsets = rng.integers(dress.offset + 1, size=2 * count)
-    offsets[rng.random(2 * count) >= dress.offset_share] = 0
-    renumbered = np.flatnonzero(rng.random(2 * count) < dress.renumber_share)
+    offsets = _offsets(2 * count, dress, rng)
+    renumbered = rng.random(2 * count) < dress.renumber_share
     dressed = [[pool.prompts[number], pool.steps[number]] for number in numbers]
     if data.spelling is not None:
         dressed = [data.spelling.spell(parts, rng, dress.short_names) for parts in dressed]
-    elif data.slots and len(renumbered):
-        for place, parts in zip(renumbered, _renumber([dressed[i] for i in renumbered], data.slots, rng), strict=True):
-            dressed[place] = parts
+    else:
+        _renumber_some(dressed, renumbered, data.slots, rng)
     rows = [
         Row(prompt, step, scored=False, offset=int(offset))
         for (prompt, step), offset in zip(dressed, offsets, strict=True)
@@ -289,6 +283,26 @@ def _name(
         if spelling.fits(parts):
             return parts
     return spelling.spell(data.parts(record), rng, dress.short_names)
+
+
+def _offsets(count: int, dress: Dress, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Start positions, 0 for those that do not get a random one."""
+    offsets = rng.integers(dress.offset + 1, size=count)
+    offsets[rng.random(count) >= dress.offset_share] = 0
+    return offsets
+
+
+def _renumber_some(
+    dressed: list[list[NDArray[np.integer]]],
+    chosen: NDArray[np.bool_],
+    slots: Sequence[tuple[int, int]],
+    rng: np.random.Generator,
+) -> None:
+    """Gives the chosen ones other slot numbers, where there are slots."""
+    places = np.flatnonzero(chosen)
+    if slots and len(places):
+        for place, parts in zip(places, _renumber([dressed[i] for i in places], slots, rng), strict=True):
+            dressed[place] = parts
 
 
 def _renumber(

@@ -31,7 +31,7 @@ from strips_lm.loss import judges_steps
 from strips_lm.model import checkpoint_folder, load_model
 from strips_lm.processor import usable_cores
 from strips_lm.replan import Encoded, Renewal, replan
-from strips_lm.rerank import Drawn, holding, rate
+from strips_lm.rerank import Drawn, plan_log_chances, rate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -222,17 +222,19 @@ class Planner:
         tokens = sum(plan.tokens for plan in plans)
         if config.attempts == 1:
             return plans, tokens
-        chances, seeds = holding(self.judging, prompts, plans), count(self.seed)
+        chances, seeds = plan_log_chances(self.judging, prompts, plans), count(self.seed)
 
         def drawn(prompts: Sequence[str], draws: int) -> list[list[Completion]]:
             return self.first_steps(prompts, draws, next(seeds))
 
         for _ in range(1, config.attempts):
             doubted = [i for i, chance in enumerate(chances) if chance <= math.log(0.5)]
+            if not doubted:
+                break
             asked = [prompts[i] for i in doubted]
             again = replan(asked, drawn, config.samples, config.max_new)
             tokens += sum(plan.tokens for plan in again)
-            for i, plan, chance in zip(doubted, again, holding(self.judging, asked, again), strict=True):
+            for i, plan, chance in zip(doubted, again, plan_log_chances(self.judging, asked, again), strict=True):
                 if chance > chances[i]:
                     plans[i], chances[i] = plan, chance
         return plans, tokens

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import torch
+from torch.nn.functional import logsigmoid
 
 from strips_lm.batches import padded_parts
 from strips_lm.config import ConfigError
@@ -107,7 +108,7 @@ def head_scores(planner: Planner, drawn: Drawn) -> list[float]:
     return _logits(planner, [drawn.whole(index) for index in range(len(drawn.made))])
 
 
-def holding(planner: Planner, prompts: Sequence[str], plans: Sequence[Completion]) -> list[float]:
+def plan_log_chances(planner: Planner, prompts: Sequence[str], plans: Sequence[Completion]) -> list[float]:
     """The log-probability that all steps of each plan hold, as a head that judges steps has it."""
     return by_steps(log_chances, planner, prompts, [plan.text if plan.finished else "" for plan in plans])
 
@@ -120,8 +121,9 @@ def log_chances(planner: Planner, pairs: Sequence[tuple[str, str]]) -> list[floa
     rows = _rows(planner, pairs)
     logits = _logits(planner, [[*map(int, prompt), *map(int, step)] for _, prompt, step in rows])
     found = [-math.inf] * len(pairs)
-    for (index, *_), logit in zip(rows, logits, strict=True):
-        found[index] = -math.log1p(math.exp(-logit)) if logit > 0.0 else logit - math.log1p(math.exp(logit))
+    chances = logsigmoid(torch.tensor(logits, dtype=torch.float64)).tolist()
+    for (index, *_), chance in zip(rows, chances, strict=True):
+        found[index] = chance
     return found
 
 

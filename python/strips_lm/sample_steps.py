@@ -37,14 +37,9 @@ def sample_steps(
 ) -> list[OwnStep]:
     """Different steps for records of the training split, in a fixed order.
 
-    `tick` is called with the samples drawn so far, of `draws(len(items))`.
+    `tick` is called again and again while they are drawn; what it raises ends the drawing.
     """
     return list(_Sampling(planner, data, items, tick).steps().values())
-
-
-def draws(prompts: int) -> int:
-    """Samples that are drawn for so many prompts."""
-    return prompts * (len(WHOLE) + 2 * len(SINGLE))
 
 
 class _Sampling:
@@ -52,7 +47,6 @@ class _Sampling:
         self.planner, self.data, self.items, self.tick = planner, data, items, tick
         self.problems = [data.problem(item) for item in items]
         self.words = [data.words(item) for item in items]
-        self.done = 0
 
     def steps(self) -> dict[tuple[str, str], OwnStep]:
         """Each step once, by its prompt and text."""
@@ -70,8 +64,7 @@ class _Sampling:
     def _whole(self) -> Iterator[OwnStep]:
         prompts = [item.prompt for item in self.items]
         for temperature in WHOLE:
-            found = self._drawing(temperature, 0, TOP_P, 1).draw(prompts, self._ticker())
-            self.done += len(prompts)
+            found = self._drawing(temperature, 0, TOP_P, 1).draw(prompts, self.tick)
             drawn = zip(found.made, found.texts, strict=True)
             ended = [(made.prompt, text.text) for made, text in drawn if made.finished]
             yield from self._judged([number for number, _ in ended], [text for _, text in ended], [0] * len(ended))
@@ -84,8 +77,7 @@ class _Sampling:
             starts = [int(rng.integers(len(steps))) for steps in known]
             asked = [steps[start][0] for steps, start in zip(known, starts, strict=True)]
             drawn = self._drawing(temperature, TOP_K, 1.0, 2).first_steps(asked, 2)
-            self.done += 2 * len(asked)
-            self.tick(self.done)
+            self.tick(len(asked))
             before = [" ".join(text for _, text in steps[:start]) for steps, start in zip(known, starts, strict=True)]
             rows = [(i, f"{before[i]} {step.text}".strip()) for i, found in enumerate(drawn) for step in found]
             numbers = [i for i, _ in rows]
@@ -106,10 +98,6 @@ class _Sampling:
             steps = first_steps(item.prompt, text) if len(said) > start else []
             for (prompt, step), (_, verdict) in list(zip(steps, said, strict=False))[start:]:
                 yield OwnStep(prompt, item.words, step, verdict == RIGHT, verdict)
-
-    def _ticker(self) -> Callable[[int], None]:
-        before = self.done
-        return lambda done: self.tick(before + done)
 
 
 RIGHT = "right"

@@ -102,6 +102,7 @@ def show_own_steps(run: Run, stopped: Callable[[], bool] = lambda: False) -> str
     context = run.config.model.context
     shown = read(path, speaking(stored, folder.path), context - train.position_offset)[0]
     held = read(path, speaking(tokenizer, folder.path), context)[1]
-    run.data, run.held = replace(run.data, own_steps=shown), replace(run.held, own_steps=held)
-    run.validation = validation_step(run.held, train.validation_records, train.batch_tokens, bool(held))
+    run.data = replace(run.data, own_steps=shown)
+    measured = replace(run.held, own_steps=held)
+    run.validation = validation_step(measured, train.validation_records, train.batch_tokens, bool(held))
     return f"own steps: {len(shown.right) + len(held.right)} right, {len(shown.wrong) + len(held.wrong)} wrong"
