@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from fixture_results import made_up_results
 from strips_lm.config import ConfigError, RunConfig
 from strips_lm.evaluate.results import Results, differences
-from strips_lm.evaluate.statistics import wilson
+from strips_lm.evaluate.statistics import effective, wilson
 from strips_lm.evaluate.tally import Trial, own_choices, tally
 
 
@@ -67,6 +68,34 @@ def test_the_interval_holds_the_share(successes: int, failures: int) -> None:
     assert 0.0 <= low <= high <= 1.0
     if successes + failures:
         assert low <= successes / (successes + failures) <= high
+
+
+@given(st.lists(st.integers(0, 6), min_size=1, max_size=60))
+def test_prompts_of_one_problem_count_less_than_as_many_problems(problems: list[int]) -> None:
+    worth, different = effective(problems), len(set(problems))
+    assert 1.0 <= worth <= different + 1e-9
+    assert worth == pytest.approx(different) or len(set(Counter(problems).values())) > 1
+    assert effective(problems * 3) == pytest.approx(worth), "asked three times as often, worth the same"
+
+
+def test_the_interval_is_that_of_the_problems() -> None:
+    judgements = [judgement("valid")] * 30 + [judgement("inapplicable", 1)] * 10
+    each_once = trial([True] * 40, [3] * 40)
+    four_times = replace(each_once, problems=[number // 4 for number in range(40)])
+    narrow, wide = tally(each_once, judgements), tally(four_times, judgements)
+    assert (narrow.problems, narrow.effective, wide.problems, wide.effective) == (40, 40.0, 10, 10.0)
+    assert (narrow.valid_low, narrow.valid_high) == wilson(30, 40)
+    assert (wide.valid_low, wide.valid_high) == pytest.approx(wilson(7.5, 10))
+    assert wide.share == narrow.share
+
+
+def test_a_file_from_before_problems_were_counted_is_compared_in_all_else() -> None:
+    now = tally(trial([True, True], [3, 3]), [judgement("valid"), judgement("valid")])
+    before = replace(now, problems=None, effective=None, valid_low=0.1)
+    results = [Results(data="d", config={}, scores=[score]) for score in (before, now, replace(now, valid=1))]
+    assert differences(results[0], results[1]) == []
+    assert len(differences(results[0], results[2])) == 1
+    assert len(differences(results[1], results[2])) == 1
 
 
 def test_what_is_counted() -> None:

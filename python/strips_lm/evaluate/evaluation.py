@@ -198,6 +198,7 @@ class Evaluation:
             finished=[c.finished for c in made.completions],
             optimal_steps=[item.optimal_steps for item in suite.items],
             templates=[item.template for item in suite.items],
+            problems=suite.problem_numbers(),
             tokens=made.tokens,
             seconds=made.seconds,
             verify_seconds=time.perf_counter() - started,
@@ -259,7 +260,9 @@ def _line(score: Score) -> str:
     speed = f"{score.prompts_per_second:.0f} prompts/s"
     mask = "" if score.removed_share is None else f", the mask removed {100 * score.removed_share:.3g} %"
     oracle = f", {score.by_oracle} answered by the oracle's own search" if score.by_oracle else ""
-    return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}, {speed}{mask}{oracle}"
+    fewer = score.problems is not None and score.problems < score.prompts
+    problems = f" ({score.problems} problems)" if fewer else ""
+    return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}{problems}, {speed}{mask}{oracle}"
 
 
 def _settings(config: RunConfig) -> dict[str, Any]:

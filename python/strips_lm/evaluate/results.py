@@ -18,6 +18,9 @@ OWN_SAMPLE = "own-sample"
 TIMING = ("seconds", "prompts_per_second", "tokens_per_second", "verify_seconds")
 """Fields that differ from run to run."""
 
+COUNTED = ("problems", "effective", "valid_low", "valid_high")
+"""Fields of a score that cannot be compared with those of a file from before problems were counted."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
@@ -36,7 +39,7 @@ class Score:
     valid: int
     """Prompts whose plan the oracle found valid for the prompt's own PDDL problem."""
     valid_low: float
-    """Lower end of the share's 95 % interval (Wilson)."""
+    """Lower end of the share's 95 % interval (Wilson, of `effective` prompts)."""
     valid_high: float
     """Upper end."""
     optimal: int
@@ -79,6 +82,11 @@ class Score:
     """With `generate.fallback`: prompts that the oracle's own search answered, the model having come to no plan."""
     optimum_known: int | None = None
     """Valid plans whose problem's shortest plan is known; none where that is all of them."""
+    problems: int | None = None
+    """Different problems among the prompts, names apart; none in files of before it was counted."""
+    effective: float | None = None
+    """How many prompts of different problems the prompts are worth (Kish 1965): one problem under other names is the
+    same question to a model that reads slots. None in files of before, whose intervals took every prompt for one."""
     by_template: dict[str, list[int]] = field(default_factory=dict)
     """[valid, prompts] by the template of the problem, `random` for random ones; empty for problems of your own."""
 
@@ -290,9 +298,11 @@ def _pairs(old: Results, new: Results) -> list[tuple[Any, Any]]:
 
 def _unequal(before: Any, after: Any) -> list[str]:
     lines = []
+    earlier = isinstance(before, Score) and before.effective is None
+    left_out = TIMING + COUNTED if earlier else TIMING
     for part in fields(before):
         old, new = getattr(before, part.name), getattr(after, part.name)
-        if part.name not in TIMING and not _same(old, new):
+        if part.name not in left_out and not _same(old, new):
             lines.append(f"{part.name} was {old}, is {new}")
     return lines
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Hashable, Iterable, Sequence
 
     from strips_lm.evaluate.results import Score
 
@@ -15,8 +16,10 @@ Z_95 = 1.959963984540054
 """The normal distribution's 97.5 % point."""
 
 
-def wilson(successes: int, trials: int, z: float = Z_95) -> tuple[float, float]:
+def wilson(successes: float, trials: float, z: float = Z_95) -> tuple[float, float]:
     """The score interval of a share (Wilson 1927); the whole of [0, 1] where nothing was tried.
+
+    Neither count need be whole, so that trials may be fewer than were made (`effective`).
 
     >>> low, high = wilson(58, 100)
     >>> round(low, 3), round(high, 3)
@@ -29,6 +32,19 @@ def wilson(successes: int, trials: int, z: float = Z_95) -> tuple[float, float]:
     half = z * math.sqrt(share * (1 - share) / trials + spread / (4 * trials)) / (1 + spread)
     # Rounding must not put the share itself outside of its interval, as it did for 0 of 50.
     return max(0.0, min(middle - half, share)), min(1.0, max(middle + half, share))
+
+
+def effective(keys: Iterable[Hashable]) -> float:
+    """How many independent trials those with these keys are worth, where trials of one key all come out alike.
+
+    (sum m)^2 / sum m^2 over the m trials of each key (Kish 1965): as many as there are keys where all have equally
+    many trials, fewer where they have not.
+
+    >>> effective("aabb"), effective("abcd"), round(effective("aaab"), 1)
+    (2.0, 4.0, 1.6)
+    """
+    counts = Counter(keys).values()
+    return sum(counts) ** 2 / sum(count * count for count in counts) if counts else 0.0
 
 
 def mean(values: Iterable[float]) -> float | None:

@@ -61,6 +61,10 @@ class Suite:
         name = Path(folder).resolve().name
         return cls(name, items, [p.to_pddl() for p in read], words, tasks.__getitem__, of_records=False)
 
+    def problem_numbers(self) -> list[int]:
+        """The number of each prompt's problem: the same for those that differ in nothing but names."""
+        return [item.problem_id if self.of_records else number for number, item in enumerate(self.items)]
+
     def judge(self, domain: _native.Domain, prompts: Sequence[int], texts: Sequence[str]) -> list[Judgement]:
         """The oracle's judgement of each text, written for the prompt of that number."""
         return self.prepare(domain).judge(prompts, texts)

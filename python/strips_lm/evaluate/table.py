@@ -56,9 +56,21 @@ def summary(results: Results) -> Table:
 
 
 def _caption(results: Results) -> str:
-    prompts = sorted({score.prompts for score in results.scores})
-    spread = f"{prompts[0]} to {prompts[-1]}" if len(prompts) > 1 else "".join(map(str, prompts))
-    return f"% valid plans of {spread} prompts a suite, checked by the oracle; * the oracle took part in decoding"
+    prompts = _spread({score.prompts for score in results.scores})
+    few = {score.problems for score in results.scores if score.problems is not None}
+    problems = f" ({_spread(few)} problems)" if any(_repeats(score) for score in results.scores) else ""
+    counts = f"{prompts} prompts{problems} a suite"
+    return f"% valid plans of {counts}, checked by the oracle; * the oracle took part in decoding"
+
+
+def _spread(counts: set[int]) -> str:
+    """`1000`, or `200 to 1000`."""
+    return " to ".join(map(str, sorted({min(counts), max(counts)}))) if counts else ""
+
+
+def _repeats(score: Score) -> bool:
+    """Whether a problem comes more than once."""
+    return score.problems is not None and score.problems < score.prompts
 
 
 def _lines(results: Results) -> Iterator[tuple[str, str, str]]:

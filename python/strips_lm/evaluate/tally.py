@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from strips_lm.evaluate.results import Score
-from strips_lm.evaluate.statistics import mean, wilson
+from strips_lm.evaluate.statistics import effective, mean, wilson
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +32,8 @@ class Trial:
     """Of the shortest plans; below 0 where that is not known."""
     templates: Sequence[str] = ()
     """Of the prompts' problems, where they have any."""
+    problems: Sequence[int] = ()
+    """A number for each prompt's problem, names apart; nothing where all are different."""
     tokens: int
     seconds: float
     verify_seconds: float
@@ -43,7 +45,9 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
     """The score of a trial, from the judgement of each of its texts."""
     prompts = len(judgements)
     right = [j.verdict.is_valid and done for j, done in zip(judgements, trial.finished, strict=True)]
-    low, high = wilson(sum(right), prompts)
+    problems = trial.problems or range(prompts)
+    worth = effective(problems)
+    low, high = wilson(worth * sum(right) / prompts if prompts else 0.0, worth)
     known = zip(judgements, trial.optimal_steps, right, strict=True)
     surplus = [j.steps - best for j, best, ok in known if ok and best >= 0]
     return Score(
@@ -75,6 +79,8 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
         removed_share=trial.removed_share,
         by_oracle=trial.by_oracle,
         optimum_known=None if len(surplus) == sum(right) else len(surplus),
+        problems=len(set(problems)),
+        effective=worth,
         by_template=dict(sorted(_shares(trial.templates, right).items())) if any(trial.templates) else {},
     )
 

@@ -91,11 +91,18 @@ def by_length(results: Results) -> str:
         counts = _add_up(s.by_length for s in free_scores(results) if s.model == model)
         lengths = sorted(length for length, (_, tried) in counts.items() if tried >= FEW)
         right, tried = [counts[n][0] for n in lengths], [counts[n][1] for n in lengths]
-        spread = [wilson(a, b) for a, b in zip(right, tried, strict=True)]
+        worth = _worth([s for s in free_scores(results) if s.model == model])
+        spread = [wilson(worth * a, worth * b) for a, b in zip(right, tried, strict=True)]
         low, high = [100 * a for a, _ in spread], [100 * b for _, b in spread]
         shares = [100 * a / b for a, b in zip(right, tried, strict=True)]
         lines.append(Curve(model, lengths, shares, number, low=low, high=high))
     return charts.curves(lines, "steps of the shortest plan", "% valid", percent=True)
+
+
+def _worth(scores: Sequence[Score]) -> float:
+    """What a prompt is worth, on average: less than one where problems come more than once."""
+    counted = [s for s in scores if s.effective is not None]
+    return sum(s.effective or 0.0 for s in counted) / sum(s.prompts for s in counted) if counted else 1.0
 
 
 def _add_up(counts: Iterable[dict[str, list[int]]]) -> dict[int, list[int]]:

@@ -44,15 +44,16 @@ impl Book {
     pub fn write(&self, split: Split, index: u64, text: &mut String, batch: &mut Batch) {
         let random = Random::new(self.config.seed, index).fork(split.name());
         let seed = random.fork("seed").bits();
-        let drawn = self.draw(split, &random);
+        let drawn = self.draw(split, index, &random);
         self.write_texts(&drawn, &mut random.fork("order"), text, batch);
         self.write_facts(&drawn, text, batch);
         batch.index.push(index.cast_signed());
         batch.seed.push(seed);
     }
 
-    fn draw(&self, split: Split, random: &Random) -> Drawn<'_> {
-        let (id, shape) = self.draw_shape(split, &mut random.fork("shape"));
+    fn draw(&self, split: Split, index: u64, random: &Random) -> Drawn<'_> {
+        let id = self.pools.of(split).draw(index, &mut random.fork("shape")) as usize;
+        let shape = &self.pools.shapes[id];
         let (steps, last) = trace(&shape.task, random.fork("plan").choice::<Vec<_>>(&shape.plans));
         let naming = split.naming(&self.config);
         let objects: &[Object] = &shape.task.problem.objects;
@@ -87,12 +88,6 @@ impl Book {
             }
         }
         (words, said)
-    }
-
-    fn draw_shape(&self, split: Split, random: &mut Random) -> (usize, &Shape) {
-        let pool = self.pools.of(split);
-        let id = pool.groups[random.weighted(&pool.weights)].draw(random) as usize;
-        (id, &self.pools.shapes[id])
     }
 
     fn write_texts(&self, drawn: &Drawn<'_>, random: &mut Random, text: &mut String, batch: &mut Batch) {

@@ -126,6 +126,8 @@ pub(super) struct Pools {
 pub(super) struct Pool {
     pub weights: Vec<f64>,
     pub groups: Vec<Group>,
+    /// Whether records take the problems in turn, so that none comes again before all were there.
+    in_turn: bool,
 }
 
 /// Problems of one origin.
@@ -178,7 +180,7 @@ impl Group {
     }
 
     /// One of its problems.
-    pub fn draw(&self, random: &mut Random) -> u32 {
+    fn draw(&self, random: &mut Random) -> u32 {
         let Some(&total) = self.sums.last() else { return *random.choice(&self.ids) };
         let at = random.below(total);
         self.ids[self.sums.partition_point(|&sum| sum <= at)]
@@ -274,7 +276,8 @@ impl<'c> Sorter<'c> {
         let [unseen_shapes, tried, unseen_template] = [chosen(0), chosen(2), template].map(suite);
         let varied = variants.iter().copied().filter(|id| band(id) == 2);
         let [validation, trained] = [chosen(1), chosen(2).into_iter().chain(varied).collect()].map(training);
-        let [more_objects, longer, large] = [objects, longer, large].map(suite);
+        let in_turn = |ids: Vec<u32>| Pool { in_turn: true, ..suite(ids) };
+        let [more_objects, longer, large] = [objects, longer, large].map(in_turn);
         Pools {
             shapes: self.shapes,
             trained,
@@ -308,7 +311,17 @@ impl Pool {
         if weights.iter().sum::<f64>() <= 0.0 {
             weights.fill(1.0);
         }
-        Self { weights, groups: keys.iter().map(members).collect() }
+        Self { weights, groups: keys.iter().map(members).collect(), in_turn: false }
+    }
+
+    /// The problem of the record with this index.
+    pub fn draw(&self, index: u64, random: &mut Random) -> u32 {
+        if self.in_turn {
+            let problems = self.groups.iter().map(|group| group.ids.len() as u64).sum::<u64>();
+            let mut all = self.groups.iter().flat_map(|group| &group.ids);
+            return *all.nth((index % problems) as usize).expect("the index is below the count");
+        }
+        self.groups[random.weighted(&self.weights)].draw(random)
     }
 }
 

@@ -26,8 +26,8 @@ use crate::task::{LimitError, Limits};
 const CHUNK: u64 = 256;
 /// Most random starts that are made before their problems are counted.
 const STARTS: usize = 32;
-/// Problems of `longer`, of `more-objects` and of `large`, and how many of the former two come from one start.
-const SUITE_PROBLEMS: (usize, usize) = (250, 10);
+/// How many problems of `longer` and of `more-objects` come from one start.
+const SUITE_GOALS: usize = 2;
 /// Most states explored from one start of these suites.
 const SUITE_STATES: usize = 20_000;
 
@@ -234,8 +234,7 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
     if config.large_records > 0 {
         let large = large_template(parts, config)?;
         let from = |number| large_problems::shapes(workshop, &large, number);
-        let enough = SUITE_PROBLEMS.0.min(config.large_records as usize);
-        solved.large = collect(from, large_problems::GOALS, enough)?;
+        solved.large = collect(from, large_problems::GOALS, config.large_records as usize)?;
     }
     let Some(start) = &parts.start else { return Ok(solved) };
     let trained = Wanted {
@@ -252,8 +251,9 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
     if config.suite_records == 0 {
         return Ok(solved);
     }
-    let (problems, goals) = SUITE_PROBLEMS;
-    let suite = Wanted { states: SUITE_STATES, goals, ..trained };
+    // A problem for each record: under other names it is the same question, and counts once.
+    let problems = config.suite_records as usize;
+    let suite = Wanted { states: SUITE_STATES, goals: SUITE_GOALS, ..trained };
     let longer = Wanted { purpose: "longer", steps: config.longer_steps, ..suite };
     solved.longer = collect(longer, problems)?;
     if let Start::Template(random) = start {

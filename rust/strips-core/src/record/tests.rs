@@ -213,6 +213,24 @@ fn suites_share_no_problem_with_training() {
 }
 
 #[test]
+fn suites_of_their_own_problems_ask_each_once_before_any_again() {
+    let stream = stream(config());
+    for split in [Split::MoreObjects, Split::Longer] {
+        let problems = stream.batch(split, 0..stream.len(split)).problem_id;
+        let different: HashSet<i32> = problems.iter().copied().collect();
+        assert_eq!(different.len(), problems.len(), "{}", split.name());
+        let states: HashSet<_> = different
+            .iter()
+            .map(|&id| {
+                let task = &stream.problem(id.cast_unsigned() as usize).task;
+                task.atoms(&task.init)
+            })
+            .collect();
+        assert!(2 * states.len() >= problems.len(), "{}: {} starts", split.name(), states.len());
+    }
+}
+
+#[test]
 fn problems_from_midway_are_training_s_alone() {
     let with = stream(RecordConfig { midway_share: 1.0, kept_share: 0.0, ..config() });
     let without = stream(RecordConfig { midway_share: 0.0, kept_share: 0.0, ..config() });
