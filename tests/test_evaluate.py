@@ -87,6 +87,7 @@ def test_the_interval_is_that_of_the_problems() -> None:
     assert (narrow.valid_low, narrow.valid_high) == wilson(30, 40)
     assert (wide.valid_low, wide.valid_high) == pytest.approx(wilson(7.5, 10))
     assert wide.share == narrow.share
+    assert (wide.repeats, narrow.repeats) == (True, False)
 
 
 def test_a_file_from_before_problems_were_counted_is_compared_in_all_else() -> None:

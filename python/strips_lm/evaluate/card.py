@@ -62,6 +62,11 @@ def _metadata(results: Results, model: Model, scores: list[Score]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _prompts(score: Score) -> str:
+    """How many prompts, and of how many problems where these are fewer."""
+    return f"{score.prompts} ({score.problems} problems)" if score.repeats else str(score.prompts)
+
+
 def _section(results: Results, scores: list[Score]) -> str:
     """A line for each suite, a column for each way of decoding; nothing without scores."""
     if not scores:
@@ -70,7 +75,7 @@ def _section(results: Results, scores: list[Score]) -> str:
     helped = {score.decode for score in scores if score.oracle_helps}
     heads = " | ".join(f"{decode} *" if decode in helped else decode for decode in decodes)
     found = {(score.suite, score.decode): interval(score) for score in scores}
-    prompts = {score.suite: score.prompts for score in scores}
+    prompts = {score.suite: _prompts(score) for score in scores}
     rows = [
         f"| {suite} | {count} | {' | '.join(found.get((suite, decode), '–') for decode in decodes)} |"
         for suite, count in prompts.items()

@@ -260,8 +260,7 @@ def _line(score: Score) -> str:
     speed = f"{score.prompts_per_second:.0f} prompts/s"
     mask = "" if score.removed_share is None else f", the mask removed {100 * score.removed_share:.3g} %"
     oracle = f", {score.by_oracle} answered by the oracle's own search" if score.by_oracle else ""
-    fewer = score.problems is not None and score.problems < score.prompts
-    problems = f" ({score.problems} problems)" if fewer else ""
+    problems = f" ({score.problems} problems)" if score.repeats else ""
     return f"{where}: {100 * score.share:.1f} % valid {spread} of {score.prompts}{problems}, {speed}{mask}{oracle}"
 
 

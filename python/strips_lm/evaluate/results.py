@@ -96,6 +96,11 @@ class Score:
         return self.valid if self.optimum_known is None else self.optimum_known
 
     @property
+    def repeats(self) -> bool:
+        """Whether a problem comes more than once."""
+        return self.problems is not None and self.problems < self.prompts
+
+    @property
     def share(self) -> float:
         """Share of valid plans."""
         return self.valid / self.prompts if self.prompts else 0.0

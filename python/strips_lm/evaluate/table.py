@@ -58,7 +58,7 @@ def summary(results: Results) -> Table:
 def _caption(results: Results) -> str:
     prompts = _spread({score.prompts for score in results.scores})
     few = {score.problems for score in results.scores if score.problems is not None}
-    problems = f" ({_spread(few)} problems)" if any(_repeats(score) for score in results.scores) else ""
+    problems = f" ({_spread(few)} problems)" if any(score.repeats for score in results.scores) else ""
     counts = f"{prompts} prompts{problems} a suite"
     return f"% valid plans of {counts}, checked by the oracle; * the oracle took part in decoding"
 
@@ -66,11 +66,6 @@ def _caption(results: Results) -> str:
 def _spread(counts: set[int]) -> str:
     """`1000`, or `200 to 1000`."""
     return " to ".join(map(str, sorted({min(counts), max(counts)}))) if counts else ""
-
-
-def _repeats(score: Score) -> bool:
-    """Whether a problem comes more than once."""
-    return score.problems is not None and score.problems < score.prompts
 
 
 def _lines(results: Results) -> Iterator[tuple[str, str, str]]:

@@ -69,7 +69,8 @@ def _parts(results: Results) -> list[Part]:
 
 
 _TABLE = (
-    "Valid plans in per cent with the 95 % interval (Wilson). A plan is valid if every step can be executed and "
+    "Valid plans in per cent with the 95 % interval (Wilson; prompts of one problem count as one). A plan is valid if "
+    "every step can be executed and "
     "the last state satisfies the goal of the prompt's own PDDL problem. Perplexity is 2^H over the plans of the "
     "first suite; its floor is what a perfect model reaches. Choice is how often the second head prefers a plan "
     "to its corruption."

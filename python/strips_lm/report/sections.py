@@ -93,7 +93,18 @@ def _share_cell(score: Score | None, results: Results) -> str:
 
 def details(results: Results) -> str:
     """Every score in full, one line each."""
-    heads = ["model", "suite", "decode", "prompts", "valid %", "optimal %", "surplus", "executable %", "states %"]
+    heads = [
+        "model",
+        "suite",
+        "decode",
+        "prompts",
+        "problems",
+        "valid %",
+        "optimal %",
+        "surplus",
+        "executable %",
+        "states %",
+    ]
     heads += ["traces %", "unfinished", "malformed", "prompts/s", "tokens/s"]
     return _plain_table(heads, [_detail(s) for s in results.scores])
 
@@ -104,7 +115,8 @@ def _detail(s: Score) -> list[str]:
     counts = [str(s.unfinished), str(s.malformed), f"{s.prompts_per_second:.0f}", f"{s.tokens_per_second:.0f}"]
     shares = [percent(s.valid, s.prompts), percent(s.optimal, s.comparable), surplus, executable]
     states = [percent(s.states_right, s.states), percent(s.traces_right, s.prompts)]
-    return [s.model, s.suite, s.decode, str(s.prompts), *shares, *states, *counts]
+    problems = "–" if s.problems is None else str(s.problems)
+    return [s.model, s.suite, s.decode, str(s.prompts), problems, *shares, *states, *counts]
 
 
 def likelihoods(results: Results) -> str:
