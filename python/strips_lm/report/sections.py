@@ -93,19 +93,8 @@ def _share_cell(score: Score | None, results: Results) -> str:
 
 def details(results: Results) -> str:
     """Every score in full, one line each."""
-    heads = [
-        "model",
-        "suite",
-        "decode",
-        "prompts",
-        "problems",
-        "valid %",
-        "optimal %",
-        "surplus",
-        "executable %",
-        "states %",
-    ]
-    heads += ["traces %", "unfinished", "malformed", "prompts/s", "tokens/s"]
+    heads = ["model", "suite", "decode", "prompts", "problems", "valid %", "optimal %", "surplus"]
+    heads += ["executable %", "states %", "traces %", "unfinished", "malformed", "prompts/s", "tokens/s"]
     return _plain_table(heads, [_detail(s) for s in results.scores])
 
 
