@@ -62,9 +62,9 @@ def test_wilson_is_the_published_interval() -> None:
     assert (round(low, 4), round(high, 4)) == (0.2553, 0.3662)
 
 
-@given(st.integers(0, 500), st.integers(0, 500))
-def test_the_interval_holds_the_share(successes: int, failures: int) -> None:
-    low, high = wilson(successes, successes + failures)
+@given(st.integers(0, 500), st.integers(0, 500), st.none() | st.floats(1.0, 1000.0))
+def test_the_interval_holds_the_share(successes: int, failures: int, worth: float | None) -> None:
+    low, high = wilson(successes, successes + failures, worth)
     assert 0.0 <= low <= high <= 1.0
     if successes + failures:
         assert low <= successes / (successes + failures) <= high
@@ -85,7 +85,9 @@ def test_the_interval_is_that_of_the_problems() -> None:
     narrow, wide = tally(each_once, judgements), tally(four_times, judgements)
     assert (narrow.problems, narrow.effective, wide.problems, wide.effective) == (40, 40.0, 10, 10.0)
     assert (narrow.valid_low, narrow.valid_high) == wilson(30, 40)
-    assert (wide.valid_low, wide.valid_high) == pytest.approx(wilson(7.5, 10))
+    assert (wide.valid_low, wide.valid_high) == wilson(30, 40, 10.0)
+    # 2 of 4 four times over is as sure as 2 of 4, and no surer
+    assert wilson(8, 16, 4.0) == pytest.approx(wilson(2, 4))
     assert wide.share == narrow.share
     assert (wide.repeats, narrow.repeats) == (True, False)
 

@@ -16,10 +16,10 @@ Z_95 = 1.959963984540054
 """The normal distribution's 97.5 % point."""
 
 
-def wilson(successes: float, trials: float, z: float = Z_95) -> tuple[float, float]:
+def wilson(successes: int, trials: int, worth: float | None = None, z: float = Z_95) -> tuple[float, float]:
     """The score interval of a share (Wilson 1927); the whole of [0, 1] where nothing was tried.
 
-    Neither count need be whole, so that trials may be fewer than were made (`effective`).
+    `worth` is how many independent trials they are worth (`effective`), all of them where it is not given.
 
     >>> low, high = wilson(58, 100)
     >>> round(low, 3), round(high, 3)
@@ -27,9 +27,10 @@ def wilson(successes: float, trials: float, z: float = Z_95) -> tuple[float, flo
     """
     if trials == 0:
         return 0.0, 1.0
-    share, spread = successes / trials, z * z / trials
+    share, worth = successes / trials, worth or trials
+    spread = z * z / worth
     middle = (share + spread / 2) / (1 + spread)
-    half = z * math.sqrt(share * (1 - share) / trials + spread / (4 * trials)) / (1 + spread)
+    half = z * math.sqrt(share * (1 - share) / worth + spread / (4 * worth)) / (1 + spread)
     # Rounding must not put the share itself outside of its interval, as it did for 0 of 50.
     return max(0.0, min(middle - half, share)), min(1.0, max(middle + half, share))
 

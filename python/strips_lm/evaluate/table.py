@@ -57,8 +57,8 @@ def summary(results: Results) -> Table:
 
 def _caption(results: Results) -> str:
     prompts = _spread({score.prompts for score in results.scores})
-    few = {score.problems for score in results.scores if score.problems is not None}
-    problems = f" ({_spread(few)} problems)" if any(score.repeats for score in results.scores) else ""
+    different = {score.problems for score in results.scores if score.problems is not None}
+    problems = f" ({_spread(different)} problems)" if any(score.repeats for score in results.scores) else ""
     counts = f"{prompts} prompts{problems} a suite"
     return f"% valid plans of {counts}, checked by the oracle; * the oracle took part in decoding"
 

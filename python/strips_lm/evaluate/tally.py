@@ -47,7 +47,7 @@ def tally(trial: Trial, judgements: Sequence[Judgement]) -> Score:
     right = [j.verdict.is_valid and done for j, done in zip(judgements, trial.finished, strict=True)]
     problems = trial.problems or range(prompts)
     worth = effective(problems)
-    low, high = wilson(worth * sum(right) / prompts if prompts else 0.0, worth)
+    low, high = wilson(sum(right), prompts, worth)
     known = zip(judgements, trial.optimal_steps, right, strict=True)
     surplus = [j.steps - best for j, best, ok in known if ok and best >= 0]
     return Score(

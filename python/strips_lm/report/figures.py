@@ -92,7 +92,7 @@ def by_length(results: Results) -> str:
         lengths = sorted(length for length, (_, tried) in counts.items() if tried >= FEW)
         right, tried = [counts[n][0] for n in lengths], [counts[n][1] for n in lengths]
         worth = _worth([s for s in free_scores(results) if s.model == model])
-        spread = [wilson(worth * a, worth * b) for a, b in zip(right, tried, strict=True)]
+        spread = [wilson(a, b, worth * b) for a, b in zip(right, tried, strict=True)]
         low, high = [100 * a for a, _ in spread], [100 * b for _, b in spread]
         shares = [100 * a / b for a, b in zip(right, tried, strict=True)]
         lines.append(Curve(model, lengths, shares, number, low=low, high=high))
