@@ -29,7 +29,7 @@ from transformers import Trainer, TrainingArguments
 from strips_lm.batches import Dress, Plan, build_step, walk
 from strips_lm.config import RunConfig
 from strips_lm.dataset import PlanDataset, Ragged, open_split, texts
-from strips_lm.forward import best_spread
+from strips_lm.forward import best_layout
 from strips_lm.loss import weighted
 from strips_lm.model import make_model
 from strips_lm.muon import make_optimizer
@@ -74,7 +74,7 @@ def ours(config: RunConfig, data: PlanDataset, vocabulary, seconds: float, share
         train.step_tokens,
         train.step_pairs,
         train.batch_tokens,
-        best_spread(device, choice.dtype, config.model.dropout),
+        *best_layout(device, choice.dtype, config.model.dropout),
     )
     dress = Dress(share, offset=train.position_offset)
     seen = steps = flops = 0

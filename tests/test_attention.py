@@ -56,6 +56,35 @@ def test_attention_and_its_gradient_are_pytorchs(dtype, tolerance, heads, size, 
         torch.set_num_threads(before)
 
 
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_what_is_borrowed_is_attended_to_as_if_it_were_the_rows_own(dtype):
+    """By the binding and by PyTorch: against rows that bring all of their tokens, whose gradients add up."""
+    torch.manual_seed(0)
+    parts = torch.randn(60, 3 * 24, dtype=dtype).requires_grad_()
+    own, borrowed, lenders = [20, 5, 1, 14, 20], [0, 13, 20, 0, 14], [0, 0, 0, 26, 26]
+    transformer = SimpleNamespace(config=SimpleNamespace(attn_pdrop=0.0), training=False)
+    rows = Rows.of(transformer, parts, [(1, length) for length in own], borrowed)
+    assert rows.kernel == ("native" if dtype == torch.float32 else "blocks")
+    mixed = attend(attention(3, 8), parts, rows)
+    grads = torch.randn_like(mixed)
+    mixed.backward(grads)
+    exact = parts.detach().double().requires_grad_()
+    starts = np.cumsum([0, *own])
+    for start, length, lent, lender in zip(starts, own, borrowed, lenders, strict=False):
+        row = torch.cat((exact[lender : lender + lent], exact[start : start + length]))
+        wanted = row_by_row(row, [len(row)], 3)[lent:]
+        torch.testing.assert_close(mixed[start : start + length].double(), wanted, rtol=1e-5, atol=1e-5)
+        wanted.backward(grads[start : start + length].double())
+    torch.testing.assert_close(parts.grad.double(), exact.grad, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("borrowed", [[1, 0], [0, 3], [0], [0, 1, 1], [0, -1]])
+def test_rows_do_not_borrow_what_no_row_has(borrowed):
+    parts, bounds = np.zeros((4, 12), np.float32), np.array([0, 2, 4])
+    with pytest.raises(ValueError, match="`borrowed` has a count for each row"):
+        _native.attend(parts, bounds, heads=2, scale=1.0, borrowed=np.array(borrowed))
+
+
 def test_a_rows_numbers_do_not_depend_on_the_rows_beside_it():
     parts = torch.randn(90, 3 * 32).numpy()
     beside, _ = _native.attend(parts, np.array([0, 20, 90]), heads=2, scale=0.25)

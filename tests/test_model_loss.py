@@ -11,7 +11,7 @@ from torch.nn.attention import varlen
 from transformers import GPT2DoubleHeadsModel, GPT2LMHeadModel
 
 from strips_lm import attention
-from strips_lm.batches import Row, collate, share_batch
+from strips_lm.batches import Plan, Row, collate, share_batch
 from strips_lm.loss import batch_losses, weighted
 from strips_lm.lstm import LstmConfig, LstmLMHeadModel
 from strips_lm.muon import MuonAdamW
@@ -30,13 +30,23 @@ def some_pairs(count=6, negatives=1):
     return [(draw(3, 9), [draw(2, 9) for _ in range(1 + negatives)]) for _ in range(count)]
 
 
-def batch_of(pairs, choices=True, spread=math.inf):
+def pairs_alike(count=6, negatives=1):
+    """Pairs whose negatives begin like the positive, for some tokens, for all of them, or for none."""
+    pairs = []
+    for number, (prompt, (positive, *others)) in enumerate(some_pairs(count, negatives)):
+        shared = [RNG.integers(0, len(positive) + 1) for _ in others]
+        kept = [np.concatenate((positive[:n], other)) for n, other in zip(shared, others, strict=True)]
+        pairs.append((prompt, [positive, *([positive[:1], *kept[1:]] if number == 0 else kept)]))
+    return pairs
+
+
+def batch_of(pairs, choices=True, spread=math.inf, share=False):
     rows, groups = [], []
     for prompt, completions in pairs:
         taken = completions if choices else completions[:1]
         groups.append(range(len(rows), len(rows) + len(taken)))
         rows += [Row(prompt, ids, scored=index == 0) for index, ids in enumerate(taken)]
-    return collate(rows, groups if choices else [], PAD, spread)
+    return collate(rows, groups if choices else [], PAD, spread, share=share)
 
 
 def slow_twin(model, pairs, lm_weight, mc_weight):
@@ -75,6 +85,63 @@ def test_loss_and_gradient_equal_the_slow_twin(negatives):
         torch.testing.assert_close(parameter.grad, wanted[name], rtol=1e-6, atol=1e-9, msg=name)
 
 
+@pytest.mark.parametrize("negatives", [1, 3])
+@pytest.mark.parametrize("way", ["blocks", "flash"])
+def test_loss_and_gradient_equal_the_slow_twin_where_beginnings_are_shared(negatives, way, monkeypatch):
+    pairs = pairs_alike(negatives=negatives)
+    model = gpt2(GPT2DoubleHeadsModel).double()
+    slow_twin(model, pairs, 1.0, 2.0).backward()
+    wanted = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
+    model.zero_grad()
+    batch = batch_of(pairs, share=True)
+    assert batch.input_ids.numel() + sum(batch.borrowed) == sum(len(p) + len(c) for p, cs in pairs for c in cs)
+    assert sum(batch.borrowed) >= sum(len(prompt) for prompt, _ in pairs) - 1
+    monkeypatch.setattr(attention, "kernel", lambda *_: way)
+    monkeypatch.setattr(varlen, "varlen_attn", attend_row_by_row)
+    total(model, [batch]).backward()
+    for name, parameter in model.named_parameters():
+        torch.testing.assert_close(parameter.grad, wanted[name], rtol=1e-6, atol=1e-9, msg=name)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_the_binding_shares_beginnings_and_is_as_near_to_the_truth(dtype):
+    pairs = pairs_alike(30, negatives=2)
+    model = gpt2(GPT2DoubleHeadsModel)
+    found = []
+    for of, share in ((torch.float64, False), (dtype, False), (dtype, True)):
+        model = model.to(torch.float64 if of == torch.float64 else torch.float32)
+        model.zero_grad()
+        losses = batch_losses(model, batch_of(pairs, spread=0.0, share=share), of)
+        (losses.lm + losses.mc).backward()
+        found.append([losses.lm.detach(), losses.mc.detach(), *(p.grad.clone() for p in model.parameters())])
+    for exact, apart, shared in zip(*found, strict=True):
+        assert float((shared - exact).norm()) <= 2.0 * float((apart - exact).norm()) + 1e-5 * float(exact.norm()) + 1e-6
+
+
+@pytest.mark.parametrize("change", ["order", "offset", "scored"])
+def test_a_row_borrows_only_from_the_positive_right_before_it(change):
+    prompt, said, other = np.array([5, 6, 7]), np.array([8, 9]), np.array([8, 4])
+    rows = [
+        Row(prompt, said, scored=True),
+        Row(prompt, other, scored=change == "scored", offset=int(change == "offset")),
+    ]
+    between = [Row(prompt, other, scored=False)] if change == "order" else []
+    batch = collate([rows[0], *between, rows[1]], [[0, 1 + len(between)]], PAD, share=True)
+    assert batch.borrowed == ()
+    assert batch.input_ids.numel() == 10 + 5 * len(between)
+
+
+def test_a_negative_that_borrows_brings_what_differs():
+    rows = [Row(np.array([5, 6]), np.array([7, 8, 9]), scored=True, offset=3)]
+    rows.append(Row(np.array([5, 6]), np.array([7, 4]), scored=False, offset=3))
+    batch = collate(rows, [[0, 1]], PAD, share=True)
+    assert batch.borrowed == (0, 3)
+    assert batch.input_ids.tolist() == [5, 6, 7, 8, 9, 4]
+    assert batch.position_ids.tolist() == [3, 4, 5, 6, 7, 6]
+    assert batch.lm_positions.tolist() == [1, 2, 3]
+    assert batch.mc_token_ids.tolist() == [[4, 5]]
+
+
 @pytest.mark.parametrize("batches", [1, 3])
 def test_steps_are_judged_one_by_one(batches):
     """A head that judges steps: each step's own cross-entropy, right or wrong, whatever stands beside it."""
@@ -87,7 +154,7 @@ def test_steps_are_judged_one_by_one(batches):
             records, *([(p, s) for p, (s,) in pool] for pool in (right, wrong)), strict=True
         )
     ]
-    cuts = [share_batch(groups[start::batches], PAD, math.inf) for start in range(batches)]
+    cuts = [share_batch(groups[start::batches], PAD, Plan(1, 0, 1)) for start in range(batches)]
     total(model, cuts).backward()
     found = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
     model.zero_grad()

@@ -719,13 +719,20 @@ class MaskedDecoder:
 
 @overload
 def attend(
-    parts: NDArray[np.float32], bounds: NDArray[np.int64], *, heads: int, scale: float, threads: int = 1
+    parts: NDArray[np.float32],
+    bounds: NDArray[np.int64],
+    *,
+    heads: int,
+    scale: float,
+    borrowed: NDArray[np.int64] | None = None,
+    threads: int = 1,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Causal self-attention within rows, and the logarithms of the softmaxes' denominators, (tokens, heads).
 
     `parts` is (tokens, 3 * width): query, key and value of each token, head after head in each; the answer is (tokens,
-    width). A row begins at each of `bounds` and ends at the next; tokens outside of all rows get zeros. Numbers are
-    float32, or bfloat16 as unsigned integers of 16 bits. The work is shared among `threads`.
+    width). A row begins at each of `bounds` and ends at the next; tokens outside of all rows get zeros. Before its own
+    tokens a row has the first `borrowed` ones, as many as are given for it, of the last row before it that borrows
+    none. Numbers are float32, or bfloat16 as unsigned integers of 16 bits. The work is shared among `threads`.
 
     Raises:
         ValueError: shapes or bounds that do not fit each other, or an array that is not contiguous.
@@ -733,7 +740,13 @@ def attend(
 
 @overload
 def attend(
-    parts: NDArray[np.uint16], bounds: NDArray[np.int64], *, heads: int, scale: float, threads: int = 1
+    parts: NDArray[np.uint16],
+    bounds: NDArray[np.int64],
+    *,
+    heads: int,
+    scale: float,
+    borrowed: NDArray[np.int64] | None = None,
+    threads: int = 1,
 ) -> tuple[NDArray[np.uint16], NDArray[np.float32]]: ...
 def attend_back(
     parts: NDArray[np.float32] | NDArray[np.uint16],
@@ -743,6 +756,7 @@ def attend_back(
     *,
     heads: int,
     scale: float,
+    borrowed: NDArray[np.int64] | None = None,
     threads: int = 1,
 ) -> NDArray[np.float32] | NDArray[np.uint16]:
     """The gradient of `attend`'s `parts`, in their shape and type.

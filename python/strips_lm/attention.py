@@ -4,12 +4,16 @@ Rows of any length attend without padding: on a GPU in half precision by one cal
 binding, which works in float32 whatever the layers run in and takes a third of the time of PyTorch's fused kernel
 (docs/experiments.md). What neither takes, dropout and double precision among it, goes through PyTorch a block of rows
 at a time, each block padded to its longest row.
+
+A row may begin with tokens of another one, which then go through the layers once. The binding attends to them where
+they are; for the others they are repeated in each row, in attention alone.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
 
+import numpy as np
 import torch
 from torch.nn import functional as F
 
@@ -18,7 +22,6 @@ from strips_lm import _native
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
     from torch import Tensor
 
@@ -48,9 +51,11 @@ class Rows(NamedTuple):
     bounds: Tensor
     """Where each row begins, and the last one ends."""
     longest: int
+    borrowed: NDArray[np.int64] | None = None
+    """How many tokens each row has before its own: the first of the last row before it that borrows none."""
 
     @classmethod
-    def of(cls, transformer: Any, hidden: Tensor, blocks: Blocks) -> Rows:
+    def of(cls, transformer: Any, hidden: Tensor, blocks: Blocks, borrowed: Sequence[int] = ()) -> Rows:
         """The rows of `blocks` among the tokens of `hidden`; for flash attention those behind are one more row."""
         dropout = transformer.config.attn_pdrop if transformer.training else 0.0
         found = kernel(hidden.device, hidden.dtype, dropout)
@@ -59,40 +64,39 @@ class Rows(NamedTuple):
         if found == "flash" and behind:
             lengths.append(behind)
         bounds = torch.tensor([0, *lengths]).cumsum(0, dtype=torch.int32 if found == "flash" else torch.int64)
-        return cls(blocks, found, bounds.to(hidden.device), max(lengths))
+        shared = np.array(borrowed, dtype=np.int64) if any(borrowed) else None
+        return cls(blocks, found, bounds.to(hidden.device), max(lengths), shared)
 
 
 def attend(attention: Any, parts: Tensor, rows: Rows) -> Tensor:
     """Causal self-attention of (tokens, 3 * width), row by row, before the output projection: (tokens, width)."""
+    if rows.kernel == "native":
+        return cast("Tensor", _Native.apply(parts, rows, attention.num_heads, float(attention.scaling)))
+    if rows.borrowed is not None:
+        return _attend_repeated(attention, parts, rows, rows.borrowed)
     if rows.kernel == "blocks":
         return _attend_blocks(attention, parts, rows.blocks)
-    if rows.kernel == "flash":
-        return _attend_rows(attention, parts, rows.bounds, rows.longest)
-    return cast("Tensor", _Native.apply(parts, rows.bounds.numpy(), attention.num_heads, float(attention.scaling)))
+    return _attend_rows(attention, parts, rows.bounds, rows.longest)
 
 
 class _Native(torch.autograd.Function):
     """The binding's attention, as an operation that has a gradient."""
 
     @staticmethod
-    def forward(ctx: Any, parts: Tensor, bounds: NDArray[np.int64], heads: int, scale: float) -> Tensor:
+    def forward(ctx: Any, parts: Tensor, rows: Rows, heads: int, scale: float) -> Tensor:
         """(tokens, width) from (tokens, 3 * width)."""
-        threads = torch.get_num_threads()
-        mixed, normalisers = _native.attend(_numbers(parts), bounds, heads=heads, scale=scale, threads=threads)
+        ctx.bounds = rows.bounds.numpy()
+        ctx.about = {"heads": heads, "scale": scale, "borrowed": rows.borrowed, "threads": torch.get_num_threads()}
+        mixed, normalisers = _native.attend(_numbers(parts), ctx.bounds, **ctx.about)
         ctx.save_for_backward(parts, torch.from_numpy(normalisers))
-        ctx.about = (bounds, heads, scale)
         return _tensor(mixed)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None, None, None]:
         """The gradient of `parts`."""
         parts, normalisers = ctx.saved_tensors
-        bounds, heads, scale = ctx.about
-        threads = torch.get_num_threads()
-        slopes = _native.attend_back(
-            _numbers(parts), _numbers(grads[0]), normalisers.numpy(), bounds, heads=heads, scale=scale, threads=threads
-        )
-        return _tensor(slopes), None, None, None
+        numbers = (_numbers(parts), _numbers(grads[0]), normalisers.numpy())
+        return _tensor(_native.attend_back(*numbers, ctx.bounds, **ctx.about)), None, None, None
 
 
 def _numbers(tensor: Tensor) -> NDArray[np.float32] | NDArray[np.uint16]:
@@ -108,6 +112,23 @@ def _tensor(numbers: NDArray[np.float32] | NDArray[np.uint16]) -> Tensor:
     """The way back."""
     tensor = torch.from_numpy(numbers)
     return tensor.view(torch.bfloat16) if tensor.dtype == torch.uint16 else tensor
+
+
+def _attend_repeated(attention: Any, parts: Tensor, rows: Rows, borrowed: NDArray[np.int64]) -> Tensor:
+    """Attention with what rows borrow repeated in each of them. Tokens behind the last row get zeros."""
+    bounds = rows.bounds.tolist()[: len(borrowed) + 1]
+    places, own = [], []
+    lent = 0
+    for row, count in enumerate(borrowed.tolist()):
+        lent = lent if count else bounds[row]
+        places.append(np.concatenate((np.arange(lent, lent + count), np.arange(bounds[row], bounds[row + 1]))))
+        own.append(np.arange(len(places[-1])) >= count)
+    ends = torch.tensor([0, *map(len, places)]).cumsum(0).to(rows.bounds)
+    blocks = [(1, len(place)) for place in places]
+    whole = Rows(blocks, rows.kernel, ends, max(map(len, places)))
+    index, kept = (torch.from_numpy(np.concatenate(part)).to(parts.device) for part in (places, own))
+    mixed = attend(attention, parts[index], whole)[kept]
+    return F.pad(mixed, (0, 0, 0, len(parts) - len(mixed)))
 
 
 def _attend_rows(attention: Any, parts: Tensor, bounds: Tensor, longest: int) -> Tensor:

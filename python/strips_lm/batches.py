@@ -12,8 +12,8 @@ module knows numbers, not text.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import torch
@@ -38,6 +38,8 @@ class Batch:
     """Positions in the same shape, each row from its own offset on."""
     blocks: tuple[tuple[int, int], ...]
     """(rows, length) of the tables that the tokens are laid out in, one behind the other."""
+    borrowed: tuple[int, ...] = ()
+    """How many tokens each row has before its own: the first of the last row before it that borrows none."""
     lm_positions: Tensor
     """(scored,) flat indices into the tokens of the positions that predict a scored token."""
     lm_labels: Tensor
@@ -49,8 +51,9 @@ class Batch:
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on another device."""
-        moved = {field.name: getattr(self, field.name) for field in fields(self)}
-        return Batch(**{name: part if name == "blocks" else part.to(device) for name, part in moved.items()})
+        parts = {field.name: getattr(self, field.name) for field in fields(self)}
+        moved: dict[str, Any] = {name: part.to(device) for name, part in parts.items() if torch.is_tensor(part)}
+        return replace(self, **moved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,11 @@ class Row:
     def __len__(self) -> int:
         return len(self.prompt) + len(self.completion)
 
+    @property
+    def tokens(self) -> NDArray[np.integer]:
+        """All of them."""
+        return np.concatenate((self.prompt, self.completion))
+
 
 READ_TOKENS = 8192
 """Padded tokens that go through a model at once where it only reads."""
@@ -82,37 +90,59 @@ def padded_parts(lengths: Sequence[int], most: int = READ_TOKENS) -> list[list[i
     return parts
 
 
-def collate(rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int, spread: float = math.inf) -> Batch:
+def collate(
+    rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int, spread: float = math.inf, *, share: bool = False
+) -> Batch:
     """Lay out rows in blocks and index what the losses read; `pairs` lists the rows of each choice, positive first.
 
-    A block's rows differ in length by at most the share `spread`, and are padded to its longest.
+    A block's rows differ in length by at most the share `spread`, and are padded to its longest. With `share` nothing
+    is padded, rows stay in order, and of a negative right behind its positive only what differs is laid out.
     """
-    order = np.argsort([len(row) for row in rows], kind="stable")
-    blocks = _blocks(np.array([len(rows[index]) for index in order]), spread)
+    borrowed = _borrowed(rows, pairs) if share else [0] * len(rows)
+    lengths = np.array([len(row) - known for row, known in zip(rows, borrowed, strict=True)])
+    order = np.arange(len(rows)) if share else np.argsort(lengths, kind="stable")
+    blocks = tuple((1, int(length)) for length in lengths) if share else _blocks(lengths[order], spread)
     widths = np.repeat([length for _, length in blocks], [count for count, _ in blocks])
     starts = np.empty(len(rows), dtype=np.int64)
     starts[order] = np.cumsum(widths) - widths
     ids = np.full(int(widths.sum()), pad, dtype=np.int64)
-    places = np.concatenate([np.arange(width) + rows[index].offset for index, width in zip(order, widths, strict=True)])
+    firsts = [rows[index].offset + borrowed[index] for index in order]
+    places = np.concatenate([np.arange(width) + first for first, width in zip(firsts, widths, strict=True)])
     scored, labels = [], []
-    for start, row in zip(starts, rows, strict=True):
-        first = start + len(row.prompt)
-        ids[start:first] = row.prompt
-        ids[first : start + len(row)] = row.completion
+    for start, row, known, length in zip(starts, rows, borrowed, lengths, strict=True):
+        ids[start : start + length] = row.tokens[known:]
         if row.scored:
-            scored.append(np.arange(first - 1, start + len(row) - 1))
+            scored.append(np.arange(start + len(row.prompt) - 1, start + length - 1))
             labels.append(row.completion)
     shape = blocks[0] if len(blocks) == 1 else (-1,)
-    last = [[int(starts[row]) + len(rows[row]) - 1 for row in pair] for pair in pairs]
+    last = [[int(starts[row] + lengths[row]) - 1 for row in pair] for pair in pairs]
     return Batch(
         input_ids=torch.from_numpy(ids).view(shape),
         position_ids=torch.from_numpy(places).view(shape),
         blocks=blocks,
+        borrowed=tuple(borrowed) if any(borrowed) else (),
         lm_positions=_long(scored),
         lm_labels=_long(labels),
         mc_token_ids=torch.tensor(last, dtype=torch.long).reshape(len(pairs), -1 if pairs else 0),
         mc_labels=torch.zeros(len(pairs), dtype=torch.long),
     )
+
+
+def _borrowed(rows: Sequence[Row], pairs: Sequence[Sequence[int]]) -> list[int]:
+    """How many tokens each row need not bring, as it begins like the first of its pair, right behind which it comes."""
+    borrowed = [0] * len(rows)
+    for first, *others in pairs:
+        lender = rows[first].tokens
+        for place, other in enumerate(others, first + 1):
+            row = rows[other]
+            if other != place or row.scored or row.offset != rows[first].offset:
+                break
+            most = min(len(lender), len(row) - 1)  # One token is the row's own, for the second head to read.
+            unlike = np.flatnonzero(lender[:most] != row.tokens[:most])
+            borrowed[other] = int(unlike[0]) if len(unlike) else most
+            if not borrowed[other]:
+                break  # The next one would borrow from this row.
+    return borrowed
 
 
 def _blocks(lengths: NDArray[np.int64], spread: float) -> tuple[tuple[int, int], ...]:
@@ -142,6 +172,8 @@ class Plan:
     """Padded tokens that go through the model at once."""
     spread: float = math.inf
     """How much longer, as a share, the longest row of a block may be than its shortest."""
+    share: bool = False
+    """Whether nothing is padded and a negative borrows what it has in common with its positive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +206,7 @@ class Step:
     pairs: int
     """Pairs of the step, over all processes."""
     seen: int
-    """Tokens of the step without padding, over all processes."""
+    """Tokens of the step's rows without padding, over all processes; shared ones count in each row that has them."""
     drawn: int = 1
     """Steps' worth of records that the step's were selected from."""
 
@@ -217,7 +249,7 @@ def build_step(
         groups, records = [groups[place] for place in picked], records[picked]
     cuts = cut_batches(groups, plan.batch_tokens)
     return Step(
-        batches=[share_batch(cut, data.pad, plan.spread, rank, world) for cut in cuts],
+        batches=[share_batch(cut, data.pad, plan, rank, world) for cut in cuts],
         records=records,
         tokens=sum(len(group[0].completion) for group in groups),
         pairs=sum(len(group) > 1 for group in groups),
@@ -355,7 +387,7 @@ def cut_batches(groups: Sequence[Group], batch_tokens: int) -> list[list[Group]]
     return cuts
 
 
-def share_batch(groups: Sequence[Group], pad: int, spread: float, rank: int = 0, world: int = 1) -> Batch:
+def share_batch(groups: Sequence[Group], pad: int, plan: Plan, rank: int = 0, world: int = 1) -> Batch:
     """One process's rows of a batch; where it has none, a row that no loss reads keeps the processes in step."""
     mine = groups[rank::world] or [(Row(groups[0][0].prompt, groups[0][0].completion, scored=False),)]
     rows: list[Row] = []
@@ -364,7 +396,7 @@ def share_batch(groups: Sequence[Group], pad: int, spread: float, rank: int = 0,
         rows.extend(group)
         if len(group) > 1:
             pairs.append(range(len(rows) - 2, len(rows)))
-    return collate(rows, pairs, pad, spread)
+    return collate(rows, pairs, pad, plan.spread, share=plan.share)
 
 
 def walk(data: PlanDataset, plan: Plan, seed: int, start: int = 0) -> Iterator[tuple[int, NDArray[np.int64]]]:

@@ -1,20 +1,18 @@
 """The training forward pass over transformers' own GPT-2 parameters.
 
-It computes what `GPT2Model` computes (a test holds the two equal in float64), with three differences that pay on
-two CPU cores and on a GPU:
+It computes what `GPT2Model` computes (a test holds the two equal in float64), with four differences that pay on
+two CPU cores, and the first three on a GPU:
 
 - weights and activations are cast to the compute type once a pass, instead of op by op under autocast;
 - attention takes rows of any length, one behind the other, so that nothing is padded (`strips_lm.attention`);
 - after the last layer's attention only the positions that a loss reads go on: the rest of the layer, the final norm
-  and the head never see prompts.
+  and the head never see prompts;
+- what a negative has in common with its positive, the prompt and often half of the plan, goes through once.
 
 Rows come as blocks of one length, one behind the other; where they are padded, it is on the right, so that causal
 attention needs no mask besides the triangle. All tokens together are padded to a multiple of `GRAIN`. What a layer
 does on either side of attention is two functions of (tokens, width), which `torch.compile` may take: they see one
 varying size, whatever the blocks are. It knows nothing of losses, batches or devices.
-
-Rejected: computing a pair's shared prompt once (packing both completions behind it with a block mask) saves a quarter
-of the linear work and loses as much in attention over the longer rows.
 """
 
 from __future__ import annotations
@@ -50,11 +48,13 @@ def hidden_at(
     dtype: torch.dtype,
     *,
     blocks: Blocks = (),
+    borrowed: Sequence[int] = (),
     compiled: bool = False,
 ) -> Tensor:
     """Final hidden states (len(at), width) of the positions `at`, indices into the flattened tokens.
 
-    The tokens are (rows, length), or flat in `blocks` of such tables. `compiled` runs the layers compiled where
+    The tokens are (rows, length), or flat in `blocks` of such tables. Before its own tokens a row has as many as it
+    `borrowed`: the first of the last row before it that borrowed none. `compiled` runs the layers compiled where
     gradients are recorded.
     """
     blocks = blocks or (tuple(input_ids.shape),)
@@ -63,7 +63,7 @@ def hidden_at(
     at = F.pad(at, (0, -scored % GRAIN))
     last = len(transformer.h) - 1
     sides = compiled_sides() if compiled and torch.is_grad_enabled() else Sides(_before, _after)
-    rows = Rows.of(transformer, hidden, blocks)
+    rows = Rows.of(transformer, hidden, blocks, borrowed)
     for index, block in enumerate(transformer.h):
         attended = attend(block.attn, sides.before(block, hidden), rows)
         if index == last:
@@ -77,15 +77,25 @@ def rounded(rows: Tensor) -> Tensor:
     return F.pad(rows, (0, 0, 0, -len(rows) % GRAIN))
 
 
-def best_spread(device: torch.device, dtype: torch.dtype, dropout: float) -> float:
-    """How unlike in length, as a share, the rows of a block should be for training to be quick.
+class Layout(NamedTuple):
+    """How the rows of a batch should lie for training to be quick."""
+
+    spread: float
+    """How unlike in length, as a share, the rows of a block may be."""
+    share: bool
+    """Whether a negative borrows what it has in common with its positive."""
+
+
+def best_layout(device: torch.device, dtype: torch.dtype, dropout: float) -> Layout:
+    """The layout for a device and a type.
 
     Where attention takes rows of any length, nothing is padded. Else small blocks spare a CPU the padding, and a GPU
-    prefers one large table.
+    prefers one large table. Beginnings are shared where attention need not repeat them.
     """
-    if kernel(device, dtype, dropout) != "blocks":
-        return 0.0
-    return 0.1 if device.type == "cpu" else math.inf
+    found = kernel(device, dtype, dropout)
+    if found != "blocks":
+        return Layout(0.0, found == "native")
+    return Layout(0.1 if device.type == "cpu" else math.inf, share=False)
 
 
 class Sides(NamedTuple):

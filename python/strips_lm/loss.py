@@ -83,8 +83,8 @@ def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float
 def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool) -> Tensor:
     if isinstance(model, LstmLMHeadModel):
         return model.hidden_at(batch.input_ids, at)
-    ids, places = batch.input_ids, batch.position_ids
-    return hidden_at(model.transformer, ids, places, at, dtype, blocks=batch.blocks, compiled=compiled)
+    ids, places, blocks, borrowed = batch.input_ids, batch.position_ids, batch.blocks, batch.borrowed
+    return hidden_at(model.transformer, ids, places, at, dtype, blocks=blocks, borrowed=borrowed, compiled=compiled)
 
 
 def _lm_losses(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:

@@ -64,7 +64,7 @@ class Selection:
     @torch.no_grad()
     def _read(self, groups: Sequence[Group]) -> NDArray[np.float64]:
         """(groups) the loss of each group's positive."""
-        batch = share_batch(groups, self.data.pad, self.plan.spread).to(self.accelerator.device)
+        batch = share_batch(groups, self.data.pad, self.plan).to(self.accelerator.device)
         losses = token_losses(self.objective.model, batch, self.objective.dtype).double().cpu().numpy()
         ends = np.cumsum([len(group[0].completion) for group in groups])
         summed: NDArray[np.float64] = np.add.reduceat(losses, np.concatenate(([0], ends[:-1])))

@@ -21,7 +21,7 @@ from accelerate.utils import broadcast_object_list
 
 from strips_lm.batches import Dress, Plan, build_step, walk
 from strips_lm.checkpoint import flatten
-from strips_lm.forward import best_spread
+from strips_lm.forward import Layout, best_layout
 from strips_lm.loss import weighted
 from strips_lm.objective import measure
 from strips_lm.prepare import Run, prepare
@@ -96,7 +96,7 @@ class Steps:
     def __init__(self, run: Run) -> None:
         train = run.config.train
         self.run = run
-        self.plan = Plan(train.step_tokens, train.step_pairs, train.batch_tokens, _spread(run))
+        self.plan = Plan(train.step_tokens, train.step_pairs, train.batch_tokens, *_layout(run))
         self.walk = walk(run.data, self.plan, run.config.seed, run.progress.drawn)
         self.select = Selection(run.accelerator, run.accelerator.unwrap_model(run.objective), run.data, self.plan)
         # What is selected hangs on the weights that the step before leaves.
@@ -149,12 +149,12 @@ def _builds_ahead(device: torch.device) -> bool:
     return device.type == "cuda"
 
 
-def _spread(run: Run) -> float:
-    """How unlike in length the rows of a block are."""
+def _layout(run: Run) -> Layout:
+    """How the rows of a batch lie."""
     if run.config.model.kind == "lstm":
-        return math.inf
+        return Layout(math.inf, share=False)
     dtype = run.accelerator.unwrap_model(run.objective).dtype
-    return best_spread(run.accelerator.device, dtype, run.config.model.dropout)
+    return best_layout(run.accelerator.device, dtype, run.config.model.dropout)
 
 
 def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, float]:

@@ -4,13 +4,17 @@
 //! numbers stay in the processor's first cache. Scores are laid out key after key with the lanes over queries: softmax
 //! needs no sums across lanes. The way back makes the scores anew from each query's normaliser. Products of keys behind
 //! a query are left out, and rows are not padded. What a row's numbers are depends on that row alone, to the last bit.
+//!
+//! Rows that begin alike need that beginning once: a row may borrow the first tokens of one before it. It attends to them as
+//! to its own, and what it gives their keys and values is added to what their own row does.
 
 mod backward;
 mod forward;
 mod head;
 mod products;
 
-use std::thread;
+use std::ops::Range;
+use std::{iter, thread};
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -58,6 +62,9 @@ impl Number for u16 {
 pub struct Rows<'a> {
     /// Where each row begins, ascending, and where the last one ends.
     pub bounds: &'a [usize],
+    /// How many tokens each row has before its own: the first ones of the last row before it that borrows none. Empty where
+    /// no row borrows any.
+    pub borrowed: &'a [usize],
     /// Heads.
     pub heads: usize,
     /// Numbers in a head.
@@ -71,7 +78,23 @@ impl Rows<'_> {
         self.heads * self.size
     }
 
-    /// Stretches of whole rows of about as many tokens each.
+    fn borrows(&self, row: usize) -> usize {
+        self.borrowed.get(row).copied().unwrap_or(0)
+    }
+
+    /// Rows that borrow from none, each with those that borrow from it.
+    fn families(&self) -> impl Iterator<Item = Range<usize>> {
+        let rows = self.bounds.len().saturating_sub(1);
+        let mut start = 0;
+        iter::from_fn(move || {
+            let borrowing = (start + 1..rows).take_while(|&row| self.borrows(row) > 0).count();
+            let family = start..start + 1 + borrowing;
+            start = family.end;
+            (family.end <= rows).then_some(family)
+        })
+    }
+
+    /// Stretches of whole families of about as many tokens each.
     fn stretches(&self, threads: usize) -> Vec<Self> {
         let rows = self.bounds.len().saturating_sub(1);
         let (Some(&first), Some(&last)) = (self.bounds.first(), self.bounds.last()) else { return Vec::new() };
@@ -80,9 +103,13 @@ impl Rows<'_> {
         for thread in 1..=threads {
             let goal = first + (last - first) * thread / threads;
             let within = self.bounds[start + 1..].iter().take_while(|&&bound| bound <= goal).count();
-            let end = if thread == threads { rows } else { start + within };
+            let mut end = if thread == threads { rows } else { start + within };
+            while end < rows && self.borrows(end) > 0 {
+                end += 1;
+            }
             if end > start {
-                stretches.push(Self { bounds: &self.bounds[start..=end], ..*self });
+                let borrowed = self.borrowed.get(start..end).unwrap_or_default();
+                stretches.push(Self { bounds: &self.bounds[start..=end], borrowed, ..*self });
             }
             start = end;
         }

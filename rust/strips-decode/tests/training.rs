@@ -85,7 +85,7 @@ proptest! {
         // Two tokens behind the last row are of none.
         let (tokens, width) = (bounds[bounds.len() - 1] + 2, heads * size);
         let (parts, grads) = (draw(seed, tokens * 3 * width, 1.0), draw(!seed, tokens * width, 1.0));
-        let rows = Rows { bounds: &bounds, heads, size, scale: scale / (size as f32).sqrt() };
+        let rows = Rows { bounds: &bounds, borrowed: &[], heads, size, scale: scale / (size as f32).sqrt() };
         let (mixed, slopes) = both(rows, &parts, &grads, threads);
         let (wanted_mixed, wanted_slopes) = plain(rows, &parts, &grads);
         near(&mixed, &wanted_mixed, 1e-5);
@@ -98,11 +98,65 @@ proptest! {
     }
 
     #[test]
+    fn rows_that_borrow_attend_as_if_what_they_borrow_were_theirs(
+        families in prop::collection::vec((1_usize..70, prop::collection::vec((0_usize..100, 0_usize..70), 0..4)), 1..4),
+        heads in 1_usize..4,
+        size in 1_usize..40,
+        threads in 1_usize..4,
+        seed: u64,
+    ) {
+        // A row that borrows nothing lends to those behind it, as the family's first does.
+        let (mut bounds, mut borrowed, mut whole_bounds, mut origin) = (vec![0], Vec::new(), vec![0], Vec::new());
+        for (length, others) in families {
+            let mut lender = (bounds[bounds.len() - 1], length);
+            for (percent, own) in std::iter::once((0, length)).chain(others) {
+                let start = bounds[bounds.len() - 1];
+                let lent = lender.1 * percent / 99;
+                if lent == 0 {
+                    lender = (start, own);
+                }
+                bounds.push(start + own);
+                borrowed.push(lent);
+                origin.extend((lender.0..lender.0 + lent).chain(start..start + own));
+                whole_bounds.push(origin.len());
+            }
+        }
+        let (tokens, width) = (bounds[bounds.len() - 1], heads * size);
+        let (parts, grads) = (draw(seed, tokens * 3 * width, 1.0), draw(!seed, tokens * width, 1.0));
+        let rows = Rows { bounds: &bounds, borrowed: &borrowed, heads, size, scale: 1.0 / (size as f32).sqrt() };
+        let (mixed, slopes) = both(rows, &parts, &grads, threads);
+
+        // The twin repeats borrowed tokens, nobody reads what those attend to, and all gradients of a token add up.
+        let repeat = |numbers: &[f32], across: usize| -> Vec<f32> {
+            origin.iter().flat_map(|&token| numbers[token * across..(token + 1) * across].iter().copied()).collect()
+        };
+        let mut whole_grads = repeat(&grads, width);
+        let starts = whole_bounds.windows(2).zip(&borrowed).map(|(row, &lent)| row[0]..row[0] + lent);
+        let own: Vec<bool> = starts.fold(vec![true; origin.len()], |mut own, lent| { own[lent].fill(false); own });
+        for (token, _) in own.iter().enumerate().filter(|(_, own)| !**own) {
+            whole_grads[token * width..(token + 1) * width].fill(0.0);
+        }
+        let whole = Rows { bounds: &whole_bounds, borrowed: &[], ..rows };
+        let (whole_mixed, whole_slopes) = plain(whole, &repeat(&parts, 3 * width), &whole_grads);
+        let (mut wanted_mixed, mut wanted_slopes) = (vec![0.0; mixed.len()], vec![0.0; slopes.len()]);
+        for (token, &from) in origin.iter().enumerate() {
+            for i in (0..width).filter(|_| own[token]) {
+                wanted_mixed[from * width + i] = whole_mixed[token * width + i];
+            }
+            for i in 0..3 * width {
+                wanted_slopes[from * 3 * width + i] += whole_slopes[token * 3 * width + i];
+            }
+        }
+        near(&mixed, &wanted_mixed, 1e-5);
+        near(&slopes, &wanted_slopes, 1e-4);
+    }
+
+    #[test]
     fn half_precision_is_that_of_numbers_rounded_before_and_after(length in 1_usize..60, size in 1_usize..40, seed: u64) {
         let half = |numbers: &[f32]| -> Vec<u16> { numbers.iter().map(|&n| strips_decode::Number::narrow(n)).collect() };
         let whole = |numbers: &[u16]| -> Vec<f32> { numbers.iter().map(|&n| strips_decode::Number::widen(n)).collect() };
         let bounds = [0, length];
-        let rows = Rows { bounds: &bounds, heads: 2, size, scale: 0.5 };
+        let rows = Rows { bounds: &bounds, borrowed: &[], heads: 2, size, scale: 0.5 };
         let (parts, grads) = (half(&draw(seed, length * 6 * size, 1.0)), half(&draw(!seed, length * 2 * size, 1.0)));
         let (mut mixed, mut slopes) = (vec![0; grads.len()], vec![0; parts.len()]);
         let mut normalisers = vec![0.0; length * 2];
@@ -117,7 +171,7 @@ proptest! {
 #[test]
 fn scores_far_apart_are_no_trouble() {
     let (length, size) = (40, 8);
-    let rows = Rows { bounds: &[0, length], heads: 1, size, scale: 300.0 };
+    let rows = Rows { bounds: &[0, length], borrowed: &[], heads: 1, size, scale: 300.0 };
     let (parts, grads) = (draw(3, length * 3 * size, 1.0), draw(4, length * size, 1.0));
     let (mixed, slopes) = both(rows, &parts, &grads, 1);
     let (wanted, _) = plain(rows, &parts, &grads);
@@ -127,7 +181,7 @@ fn scores_far_apart_are_no_trouble() {
 
 #[test]
 fn no_rows_are_no_trouble() {
-    let rows = Rows { bounds: &[0], heads: 1, size: 4, scale: 1.0 };
+    let rows = Rows { bounds: &[0], borrowed: &[], heads: 1, size: 4, scale: 1.0 };
     let (mixed, _) = both(rows, &[1.0; 24], &[1.0; 8], 2);
     assert_eq!(mixed, [0.0; 8]);
 }

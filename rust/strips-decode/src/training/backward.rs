@@ -30,15 +30,16 @@ impl<N: Number> Work for Backward<'_, N> {
         factors.fill(rows.scale);
         for head in rows.each_head(block) {
             let column = head.column();
-            head.read(parts, 3 * width, column, rows.scale, &mut desk.query);
-            head.read(parts, 3 * width, width + column, 1.0, &mut desk.key);
-            head.read(parts, 3 * width, 2 * width + column, 1.0, &mut desk.value);
-            head.read(grads, width, column, 1.0, &mut desk.grad);
+            head.read_own(parts, 3 * width, column, rows.scale, &mut desk.query);
+            head.read(parts, 3 * width, width + column, &mut desk.key);
+            head.read(parts, 3 * width, 2 * width + column, &mut desk.value);
+            head.read_own(grads, width, column, 1.0, &mut desk.grad);
             desk.clear(head);
             let start = (head.first - rows.bounds[0]) * 3 * width;
-            let own = &mut slopes[start..start + head.tokens * 3 * width];
-            for first in (0..head.tokens).step_by(block) {
-                let known = normalisers[(head.first + first) * rows.heads + head.number..].iter().step_by(rows.heads);
+            let own = &mut slopes[start..start + head.own() * 3 * width];
+            for first in (head.borrowed..head.tokens).step_by(block) {
+                let token = head.first + first - head.borrowed;
+                let known = normalisers[token * rows.heads + head.number..].iter().step_by(rows.heads);
                 desk.normalisers.fill(0.0);
                 for (spot, &number) in desk.normalisers.iter_mut().zip(known.take(head.keys(first) - first)) {
                     *spot = number;
@@ -47,8 +48,9 @@ impl<N: Number> Work for Backward<'_, N> {
                 let mut target = Target { numbers: &mut *own, across: 3 * width, column };
                 weigh::<S, N, M>(simd, head, first, &desk.slopes, &desk.key, &factors, &mut target);
             }
+            desk.settle(head);
             let sums = desk.key_slopes.chunks_exact(head.padded).zip(desk.value_slopes.chunks_exact(head.padded));
-            for (row, (key, value)) in own.chunks_exact_mut(3 * width).zip(sums) {
+            for (row, (key, value)) in own.chunks_exact_mut(3 * width).zip(sums.skip(head.borrowed)) {
                 keep(key, &mut row[width + column..][..head.size]);
                 keep(value, &mut row[2 * width + column..][..head.size]);
             }
@@ -65,6 +67,11 @@ struct Desk {
     grad: Floats,
     key_slopes: Floats,
     value_slopes: Floats,
+    /// What a family's rows that borrow have given the keys and values which they borrow, as these two.
+    owed_keys: Floats,
+    owed_values: Floats,
+    /// How many tokens these are about.
+    owed: usize,
     /// (block) of the queries at hand.
     normalisers: Floats,
     /// (size, block) the queries at hand.
@@ -78,8 +85,8 @@ struct Desk {
 
 impl Desk {
     fn new(block: usize) -> Self {
-        let [query, key, value, grad, key_slopes, value_slopes, turned_query, turned_grad, shares, slopes] =
-            array::from_fn(|_| zeros(0));
+        let [query, key, value, grad, key_slopes, value_slopes, owed_keys, owed_values] = array::from_fn(|_| zeros(0));
+        let [turned_query, turned_grad, shares, slopes] = array::from_fn(|_| zeros(0));
         let normalisers = zeros(block);
         Self {
             query,
@@ -88,6 +95,9 @@ impl Desk {
             grad,
             key_slopes,
             value_slopes,
+            owed_keys,
+            owed_values,
+            owed: 0,
             normalisers,
             turned_query,
             turned_grad,
@@ -105,6 +115,22 @@ impl Desk {
             grow(sums, head.room() * head.padded);
             sums[..head.room() * head.padded].fill(0.0);
         }
+    }
+
+    /// Puts what a row gives borrowed tokens aside, or adds what was put aside to those of the row that lends them.
+    fn settle(&mut self, head: Head) {
+        let (borrowed, owed) = (head.borrowed * head.padded, self.owed * head.padded);
+        let tables = [(&mut self.key_slopes, &mut self.owed_keys), (&mut self.value_slopes, &mut self.owed_values)];
+        for (sums, owing) in tables {
+            if borrowed == 0 {
+                sums[..owed].iter_mut().zip(&owing[..owed]).for_each(|(sum, part)| *sum += part);
+                continue;
+            }
+            grow(owing, borrowed);
+            owing[owed.min(borrowed)..borrowed].fill(0.0);
+            owing[..borrowed].iter_mut().zip(&sums[..borrowed]).for_each(|(part, sum)| *part += sum);
+        }
+        self.owed = if borrowed == 0 { 0 } else { self.owed.max(head.borrowed) };
     }
 
     /// Softmax and its gradient for the block of queries from `first` on; what it gives keys and values is added.

@@ -27,19 +27,20 @@ impl<N: Number> Work for Forward<'_, N> {
         let mut factors = zeros(block);
         for head in rows.each_head(block) {
             let column = head.column();
-            head.read(parts, 3 * width, column, rows.scale, &mut query);
-            head.read(parts, 3 * width, width + column, 1.0, &mut key);
-            head.read(parts, 3 * width, 2 * width + column, 1.0, &mut value);
+            head.read_own(parts, 3 * width, column, rows.scale, &mut query);
+            head.read(parts, 3 * width, width + column, &mut key);
+            head.read(parts, 3 * width, 2 * width + column, &mut value);
             let start = head.first - rows.bounds[0];
             let mut target = Target { numbers: &mut mixed[start * width..], across: width, column };
-            for first in (0..head.tokens).step_by(block) {
+            for first in (head.borrowed..head.tokens).step_by(block) {
                 scores.softmax::<S, M>(simd, head, first, &query, &key);
                 for (factor, total) in factors.iter_mut().zip(scores.totals.iter()) {
                     *factor = 1.0 / total;
                 }
                 weigh::<S, N, M>(simd, head, first, &scores.powers, &value, &factors, &mut target);
-                for (i, token) in (start + first..start + head.keys(first)).enumerate() {
-                    normalisers[token * rows.heads + head.number] = scores.most[i] + scores.totals[i].ln();
+                for (i, token) in (first..head.keys(first)).enumerate() {
+                    let place = (start + token - head.borrowed) * rows.heads + head.number;
+                    normalisers[place] = scores.most[i] + scores.totals[i].ln();
                 }
             }
         }

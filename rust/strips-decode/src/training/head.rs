@@ -7,10 +7,14 @@ use crate::sheet::Floats;
 /// One head of one row.
 #[derive(Clone, Copy)]
 pub struct Head {
-    /// The row's first token.
+    /// The first of the row's own tokens.
     pub first: usize,
-    /// The row's tokens.
+    /// The row's tokens, borrowed ones and its own.
     pub tokens: usize,
+    /// How many of them are borrowed; they come first.
+    pub borrowed: usize,
+    /// The first of the tokens that it borrows.
+    lent: usize,
     /// Which of the heads it is.
     pub number: usize,
     /// Numbers in a head.
@@ -22,12 +26,17 @@ pub struct Head {
 }
 
 impl Rows<'_> {
-    /// Every head of every row.
+    /// Every head of every row, those of a family together: first of the rows that borrow, then of the one that lends.
     pub(super) fn each_head(&self, block: usize) -> impl Iterator<Item = Head> {
         let padded = self.size.next_multiple_of(block);
-        self.bounds.windows(2).flat_map(move |bounds| {
-            let (first, tokens) = (bounds[0], bounds[1] - bounds[0]);
-            (0..self.heads).map(move |number| Head { first, tokens, number, size: self.size, padded, block })
+        self.families().flat_map(move |family| {
+            let lent = self.bounds[family.start];
+            let of = move |number, row| {
+                let (first, borrowed) = (self.bounds[row], self.borrows(row));
+                let tokens = borrowed + self.bounds[row + 1] - first;
+                Head { first, tokens, borrowed, lent, number, size: self.size, padded, block }
+            };
+            (0..self.heads).flat_map(move |number| family.clone().rev().map(move |row| of(number, row)))
         })
     }
 }
@@ -48,11 +57,35 @@ impl Head {
         self.tokens.next_multiple_of(self.block)
     }
 
-    /// Copies a matrix's numbers, (tokens, padded), times `scale`; `across` numbers are from token to token.
+    /// How many of the row's tokens are its own.
+    pub fn own(self) -> usize {
+        self.tokens - self.borrowed
+    }
+
+    /// Copies a matrix's numbers, (tokens, padded); `across` numbers are from token to token.
     #[inline(always)]
-    pub fn read<N: Number>(self, from: &[N], across: usize, column: usize, scale: f32, into: &mut Floats) {
+    pub fn read<N: Number>(self, from: &[N], across: usize, column: usize, into: &mut Floats) {
+        self.read_own(from, across, column, 1.0, into);
+        let lent = from[self.lent * across..].chunks(across).take(self.borrowed);
+        self.copy(lent, column, 1.0, into);
+    }
+
+    /// Copies those of the row's own tokens, times `scale`; the places of the others keep what they have.
+    #[inline(always)]
+    pub fn read_own<N: Number>(self, from: &[N], across: usize, column: usize, scale: f32, into: &mut Floats) {
         grow(into, self.room() * self.padded);
-        let rows = from[self.first * across..].chunks(across).take(self.tokens);
+        let own = from[self.first * across..].chunks(across).take(self.own());
+        self.copy(own, column, scale, &mut into[self.borrowed * self.padded..]);
+    }
+
+    #[inline(always)]
+    fn copy<'n, N: Number + 'n>(
+        self,
+        rows: impl Iterator<Item = &'n [N]>,
+        column: usize,
+        scale: f32,
+        into: &mut [f32],
+    ) {
         for (row, spots) in rows.zip(into.chunks_exact_mut(self.padded)) {
             for (spot, number) in spots.iter_mut().zip(&row[column..column + self.size]) {
                 *spot = number.widen() * scale;

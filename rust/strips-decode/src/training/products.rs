@@ -88,7 +88,7 @@ pub fn add<S: Simd, const M: usize>(simd: S, sums: [[S::f32s; 2]; M], into: &mut
     }
 }
 
-/// Where a head's numbers of each token go: a row's own table, from its first token on.
+/// Where a head's numbers of each token go: a row's own table, from the first of its own tokens on.
 pub struct Target<'a, N> {
     /// The numbers.
     pub numbers: &'a mut [N],
@@ -119,7 +119,7 @@ pub fn weigh<S: Simd, N: Number, const M: usize>(
             for ((token, sum), &factor) in (first + ahead..keys).zip(sums).zip(&factors[ahead..]) {
                 let factor = simd.splat_f32s(factor);
                 let pair = [simd.mul_f32s(sum[0], factor), simd.mul_f32s(sum[1], factor)];
-                let place = token * into.across + into.column;
+                let place = (token - head.borrowed) * into.across + into.column;
                 keep(cast_slice(&pair), &mut into.numbers[place + start..place + head.size]);
             }
         }
