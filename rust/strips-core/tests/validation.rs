@@ -6,6 +6,7 @@ mod common;
 
 use std::sync::Arc;
 
+use common::mutation::accepted_mutation;
 use common::naive::{Atoms, Naive};
 use common::random_task::{Features, all_operators, random_task};
 use proptest::prelude::*;
@@ -81,8 +82,12 @@ fn assert_evidence(naive: &Naive, verdict: &Verdict, atoms: &Atoms) {
 
 fn agree(seed: u64, features: Features) {
     let (domain, problem) = random_task(seed, features);
-    let naive = Naive { domain: &domain, problem: &problem };
-    let operators = all_operators(&domain, &problem);
+    agree_on(&domain, &problem, seed);
+}
+
+fn agree_on(domain: &Arc<Domain>, problem: &Arc<Problem>, seed: u64) {
+    let naive = Naive { domain, problem };
+    let operators = all_operators(domain, problem);
     if operators.is_empty() {
         return;
     }
@@ -91,7 +96,7 @@ fn agree(seed: u64, features: Features) {
     let mut random = Random::new(seed, 1);
     for _ in 0..8 {
         let plan = random_plan(&naive, &operators, &mut random);
-        let text: String = plan.iter().map(|step| name(&domain, &problem, step) + "\n").collect();
+        let text: String = plan.iter().map(|step| name(domain, problem, step) + "\n").collect();
         let verdict = validator.validate(&text);
         let (outcome, step, atoms) = naive_verdict(&naive, &plan);
         assert_eq!((verdict.outcome, verdict.step), (outcome, step), "{text} {}", verdict.reason);
@@ -101,7 +106,7 @@ fn agree(seed: u64, features: Features) {
         }
         assert_eq!(verdict, validate(validator.task(), &text), "the fast and the slow way agree");
         assert_eq!(validator.outcomes(&[&text], &Limits::default()), Ok(vec![verdict.outcome]));
-        let shouted = validator.validate(&format!("; a comment\n{}", text.to_uppercase()));
+        let shouted = validator.validate(&format!("; a comment\n{}", text.to_ascii_uppercase()));
         assert_eq!(verdict, Verdict { line: shouted.line.map(|line| line - 1), ..shouted }, "case does not matter");
         agree_on_ids(&validator, &plan, &verdict);
     }
@@ -137,6 +142,13 @@ proptest! {
     }
 
     #[test]
+    fn verdicts_keep_the_meaning_of_changed_texts_that_are_accepted(seed: u64) {
+        if let Some((domain, problem)) = accepted_mutation(seed) {
+            agree_on(&domain, &problem, seed);
+        }
+    }
+
+    #[test]
     fn every_text_gets_a_verdict(text in ".{0,60}|[()a-c0-9 ;:\\[\\]\n.]{0,60}") {
         let (domain, problem) = random_task(3, Features::STRIPS);
         let task = ground(domain, problem, &Limits::default()).expect("a small task");
@@ -145,6 +157,12 @@ proptest! {
         prop_assert_eq!(validator.outcomes(&[&text], &Limits::default()), Ok(vec![verdict.outcome]));
         prop_assert_eq!(validator.validate(&text), verdict);
     }
+}
+
+#[test]
+fn changed_texts_are_accepted_often_enough_to_tell() {
+    let accepted = (0..2000).filter(|&seed| accepted_mutation(seed).is_some()).count();
+    assert!(accepted > 60, "{accepted} of 2000");
 }
 
 #[test]
