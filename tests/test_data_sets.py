@@ -307,6 +307,23 @@ def test_mistakes_in_own_problems_are_told_before_anything_is_written(
     assert main([*given, f"--problems={either}", "--random-goals", *SMALL]) == 0
 
 
+def test_files_that_leave_nothing_to_train_on_are_refused_with_what_else_to_ask_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "domain.pddl").write_text(LAMPS)
+    given = ["gen-data", f"--domain={tmp_path / 'domain.pddl'}", f"--out={tmp_path / 'out'}"]
+    assert main([*given, *SMALL]) == 2
+    assert "hint: give problems of the domain by `--problems`" in capsys.readouterr().err
+    for number in range(7):
+        lamps(tmp_path, f"p{number}.pddl", "(lit d)")
+    assert main([*given, f"--problems={tmp_path / 'p*.pddl'}", "--max-steps=2", *SMALL]) == 2
+    message = capsys.readouterr().err
+    assert "\n  " + str(tmp_path / "p0.pddl") + ": its own goal is left out: no plan of 1 to 2 steps" in message
+    assert "p5.pddl" not in message
+    assert "\n  … and 2 more\nhint: `--max-steps` asks for longer plans" in message
+    assert not (tmp_path / "out").exists()
+
+
 def test_gen_data_never_imports_torch(tmp_path: Path) -> None:
     command = ["gen-data", f"--out={tmp_path / 'set'}", *SMALL]
     code = (

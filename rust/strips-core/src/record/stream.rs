@@ -67,11 +67,32 @@ pub enum RecordError {
     #[error("{0}")]
     Limit(#[from] LimitError),
     /// The configuration and the files leave nothing to train on.
-    #[error("`{domain}` has no problems to make records of: no template, no random start, or no goal within reach")]
+    #[error(
+        "`{domain}` has no problems to make records of: no template, no random start, or no goal within reach{}",
+        advice(left_out)
+    )]
     NoProblems {
         /// The domain's name.
         domain: String,
+        /// A line for each given problem whose own goal gives no records.
+        left_out: Vec<String>,
     },
+}
+
+/// Most given problems that a message tells of.
+const TOLD: usize = 5;
+
+/// What became of the given problems, and what else can be asked for.
+fn advice(left_out: &[String]) -> String {
+    if left_out.is_empty() {
+        return "\nhint: give problems of the domain by `--problems`; `--random-goals` draws goals from their states"
+            .into();
+    }
+    let mut lines: String = left_out.iter().take(TOLD).map(|line| format!("\n  {line}")).collect();
+    if left_out.len() > TOLD {
+        lines += &format!("\n  … and {} more", left_out.len() - TOLD);
+    }
+    lines + "\nhint: `--max-steps` asks for longer plans, `--random-goals` for goals within reach of the problems"
 }
 
 /// The files, read.
@@ -109,7 +130,7 @@ impl RecordStream {
         solved.variants.extend(kept_problems(&workshop, &solved.random)?);
         let pools = Pools::new(solved, &held_out, &config);
         if pools.of(Split::Train).groups.is_empty() {
-            return Err(RecordError::NoProblems { domain: parts.domain.name.clone() });
+            return Err(RecordError::NoProblems { domain: parts.domain.name.clone(), left_out });
         }
         let templates = parts.templates.iter().map(|template| template.name.clone()).collect();
         let (domain, lexicon, negatives) = (parts.domain, parts.lexicon, config.negative_weights());
