@@ -3,10 +3,11 @@
 //! Each head of each row is made by itself, a block of two registers' worth of queries at a time, so that all of its
 //! numbers stay in the processor's first cache. Scores are laid out key after key with the lanes over queries: softmax
 //! needs no sums across lanes. The way back makes the scores anew from each query's normaliser. Products of keys behind
-//! a query are left out, and rows are not padded. What a row's numbers are depends on that row alone, to the last bit.
+//! a query are left out, and rows are not padded. What a row's numbers are depends on that row, and on those it shares
+//! tokens with, alone: to the last bit.
 //!
-//! Rows that begin alike need that beginning once: a row may borrow the first tokens of one before it. It attends to them as
-//! to its own, and what it gives their keys and values is added to what their own row does.
+//! Rows that begin alike need that beginning once: a row may borrow the first tokens of one before it. It attends to them
+//! as to its own, and what it gives their keys and values is added to what their own row does.
 
 mod backward;
 mod forward;
