@@ -88,11 +88,10 @@ fn advice(left_out: &[String]) -> String {
         return "\nhint: give problems of the domain by `--problems`; `--random-goals` draws goals from their states"
             .into();
     }
-    let mut lines: String = left_out.iter().take(TOLD).map(|line| format!("\n  {line}")).collect();
-    if left_out.len() > TOLD {
-        lines += &format!("\n  … and {} more", left_out.len() - TOLD);
-    }
-    lines + "\nhint: `--max-steps` asks for longer plans, `--random-goals` for goals within reach of the problems"
+    let more = (left_out.len() > TOLD).then(|| format!("… and {} more", left_out.len() - TOLD));
+    let lines: Vec<String> = left_out.iter().take(TOLD).cloned().chain(more).collect();
+    let hint = "hint: `--max-steps` asks for longer plans, `--random-goals` for goals within reach of the problems";
+    format!("\n  {}\n{hint}", lines.join("\n  "))
 }
 
 /// The files, read.
