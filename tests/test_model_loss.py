@@ -40,13 +40,13 @@ def pairs_alike(count=6, negatives=1):
     return pairs
 
 
-def batch_of(pairs, choices=True, spread=math.inf, share=False):
+def batch_of(pairs, choices=True, spread=math.inf, borrow=False):
     rows, groups = [], []
     for prompt, completions in pairs:
         taken = completions if choices else completions[:1]
         groups.append(range(len(rows), len(rows) + len(taken)))
         rows += [Row(prompt, ids, scored=index == 0) for index, ids in enumerate(taken)]
-    return collate(rows, groups if choices else [], PAD, spread, share=share)
+    return collate(rows, groups if choices else [], PAD, spread, borrow=borrow)
 
 
 def slow_twin(model, pairs, lm_weight, mc_weight):
@@ -93,7 +93,7 @@ def test_loss_and_gradient_equal_the_slow_twin_where_beginnings_are_shared(negat
     slow_twin(model, pairs, 1.0, 2.0).backward()
     wanted = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
     model.zero_grad()
-    batch = batch_of(pairs, share=True)
+    batch = batch_of(pairs, borrow=True)
     assert batch.input_ids.numel() + sum(batch.borrowed) == sum(len(p) + len(c) for p, cs in pairs for c in cs)
     assert sum(batch.borrowed) >= sum(len(prompt) for prompt, _ in pairs) - 1
     monkeypatch.setattr(attention, "kernel", lambda *_: way)
@@ -108,10 +108,10 @@ def test_the_binding_shares_beginnings_and_is_as_near_to_the_truth(dtype):
     pairs = pairs_alike(30, negatives=2)
     model = gpt2(GPT2DoubleHeadsModel)
     found = []
-    for of, share in ((torch.float64, False), (dtype, False), (dtype, True)):
+    for of, borrow in ((torch.float64, False), (dtype, False), (dtype, True)):
         model = model.to(torch.float64 if of == torch.float64 else torch.float32)
         model.zero_grad()
-        losses = batch_losses(model, batch_of(pairs, spread=0.0, share=share), of)
+        losses = batch_losses(model, batch_of(pairs, spread=0.0, borrow=borrow), of)
         (losses.lm + losses.mc).backward()
         found.append([losses.lm.detach(), losses.mc.detach(), *(p.grad.clone() for p in model.parameters())])
     for exact, apart, shared in zip(*found, strict=True):
@@ -126,7 +126,7 @@ def test_a_row_borrows_only_from_the_positive_right_before_it(change):
         Row(prompt, other, scored=change == "scored", offset=int(change == "offset")),
     ]
     between = [Row(prompt, other, scored=False)] if change == "order" else []
-    batch = collate([rows[0], *between, rows[1]], [[0, 1 + len(between)]], PAD, share=True)
+    batch = collate([rows[0], *between, rows[1]], [[0, 1 + len(between)]], PAD, borrow=True)
     assert batch.borrowed == ()
     assert batch.input_ids.numel() == 10 + 5 * len(between)
 
@@ -134,7 +134,7 @@ def test_a_row_borrows_only_from_the_positive_right_before_it(change):
 def test_a_negative_that_borrows_brings_what_differs():
     rows = [Row(np.array([5, 6]), np.array([7, 8, 9]), scored=True, offset=3)]
     rows.append(Row(np.array([5, 6]), np.array([7, 4]), scored=False, offset=3))
-    batch = collate(rows, [[0, 1]], PAD, share=True)
+    batch = collate(rows, [[0, 1]], PAD, borrow=True)
     assert batch.borrowed == (0, 3)
     assert batch.input_ids.tolist() == [5, 6, 7, 8, 9, 4]
     assert batch.position_ids.tolist() == [3, 4, 5, 6, 7, 6]

@@ -717,37 +717,27 @@ class MaskedDecoder:
         """Forgets rows; their numbers are not given again."""
     def __len__(self) -> int: ...
 
-@overload
 def attend(
-    parts: NDArray[np.float32],
+    parts: NDArray[np.float32] | NDArray[np.uint16],
     bounds: NDArray[np.int64],
     *,
     heads: int,
     scale: float,
     borrowed: NDArray[np.int64] | None = None,
     threads: int = 1,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.float32] | NDArray[np.uint16], NDArray[np.float32]]:
     """Causal self-attention within rows, and the logarithms of the softmaxes' denominators, (tokens, heads).
 
     `parts` is (tokens, 3 * width): query, key and value of each token, head after head in each; the answer is (tokens,
-    width). A row begins at each of `bounds` and ends at the next; tokens outside of all rows get zeros. Before its own
-    tokens a row has the first `borrowed` ones, as many as are given for it, of the last row before it that borrows
-    none. Numbers are float32, or bfloat16 as unsigned integers of 16 bits. The work is shared among `threads`.
+    width), in the type of `parts`. A row begins at each of `bounds` and ends at the next; tokens outside of all rows
+    get zeros. Before its own tokens a row has the first `borrowed` ones, as many as are given for it, of the last row
+    before it that borrows none. Numbers are float32, or bfloat16 as unsigned integers of 16 bits. The work is shared
+    among `threads`.
 
     Raises:
         ValueError: shapes or bounds that do not fit each other, or an array that is not contiguous.
     """
 
-@overload
-def attend(
-    parts: NDArray[np.uint16],
-    bounds: NDArray[np.int64],
-    *,
-    heads: int,
-    scale: float,
-    borrowed: NDArray[np.int64] | None = None,
-    threads: int = 1,
-) -> tuple[NDArray[np.uint16], NDArray[np.float32]]: ...
 def attend_back(
     parts: NDArray[np.float32] | NDArray[np.uint16],
     grads: NDArray[np.float32] | NDArray[np.uint16],

@@ -91,17 +91,17 @@ def padded_parts(lengths: Sequence[int], most: int = READ_TOKENS) -> list[list[i
 
 
 def collate(
-    rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int, spread: float = math.inf, *, share: bool = False
+    rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int, spread: float = math.inf, *, borrow: bool = False
 ) -> Batch:
     """Lay out rows in blocks and index what the losses read; `pairs` lists the rows of each choice, positive first.
 
-    A block's rows differ in length by at most the share `spread`, and are padded to its longest. With `share` nothing
+    A block's rows differ in length by at most the share `spread`, and are padded to its longest. With `borrow` nothing
     is padded, rows stay in order, and of a negative right behind its positive only what differs is laid out.
     """
-    borrowed = _borrowed(rows, pairs) if share else [0] * len(rows)
+    borrowed = _borrowed(rows, pairs) if borrow else [0] * len(rows)
     lengths = np.array([len(row) - known for row, known in zip(rows, borrowed, strict=True)])
-    order = np.arange(len(rows)) if share else np.argsort(lengths, kind="stable")
-    blocks = tuple((1, int(length)) for length in lengths) if share else _blocks(lengths[order], spread)
+    order = np.arange(len(rows)) if borrow else np.argsort(lengths, kind="stable")
+    blocks = tuple((1, int(length)) for length in lengths) if borrow else _blocks(lengths[order], spread)
     widths = np.repeat([length for _, length in blocks], [count for count, _ in blocks])
     starts = np.empty(len(rows), dtype=np.int64)
     starts[order] = np.cumsum(widths) - widths
@@ -172,7 +172,7 @@ class Plan:
     """Padded tokens that go through the model at once."""
     spread: float = math.inf
     """How much longer, as a share, the longest row of a block may be than its shortest."""
-    share: bool = False
+    borrow: bool = False
     """Whether nothing is padded and a negative borrows what it has in common with its positive."""
 
 
@@ -396,7 +396,7 @@ def share_batch(groups: Sequence[Group], pad: int, plan: Plan, rank: int = 0, wo
         rows.extend(group)
         if len(group) > 1:
             pairs.append(range(len(rows) - 2, len(rows)))
-    return collate(rows, pairs, pad, plan.spread, share=plan.share)
+    return collate(rows, pairs, pad, plan.spread, borrow=plan.borrow)
 
 
 def walk(data: PlanDataset, plan: Plan, seed: int, start: int = 0) -> Iterator[tuple[int, NDArray[np.int64]]]:

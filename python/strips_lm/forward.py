@@ -82,7 +82,7 @@ class Layout(NamedTuple):
 
     spread: float
     """How unlike in length, as a share, the rows of a block may be."""
-    share: bool
+    borrow: bool
     """Whether a negative borrows what it has in common with its positive."""
 
 
@@ -95,7 +95,7 @@ def best_layout(device: torch.device, dtype: torch.dtype, dropout: float) -> Lay
     found = kernel(device, dtype, dropout)
     if found != "blocks":
         return Layout(0.0, found == "native")
-    return Layout(0.1 if device.type == "cpu" else math.inf, share=False)
+    return Layout(0.1 if device.type == "cpu" else math.inf, borrow=False)
 
 
 class Sides(NamedTuple):

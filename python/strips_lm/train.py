@@ -152,7 +152,7 @@ def _builds_ahead(device: torch.device) -> bool:
 def _layout(run: Run) -> Layout:
     """How the rows of a batch lie."""
     if run.config.model.kind == "lstm":
-        return Layout(math.inf, share=False)
+        return Layout(math.inf, borrow=False)
     dtype = run.accelerator.unwrap_model(run.objective).dtype
     return best_layout(run.accelerator.device, dtype, run.config.model.dropout)
 
