@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
 import tomllib
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import pyarrow.parquet as pq
@@ -269,6 +271,27 @@ def test_objects_that_a_domain_leaves_to_its_problems_are_not_names_that_suites_
     assert main(["verify-data", str(out)]) == 0
 
 
+def test_wide_starts_give_goals_for_the_work_that_they_are(tmp_path: Path) -> None:
+    switches = " ".join(f"s{number}" for number in range(12))
+    row = " ".join(f"(next s{number} s{number + 1})" for number in range(11))
+    (tmp_path / "domain.pddl").write_text(
+        "(define (domain switches) (:predicates (on ?x) (next ?x ?y))"
+        " (:action flip :parameters (?x) :precondition (not (on ?x)) :effect (on ?x)))"
+    )
+    (tmp_path / "p.pddl").write_text(
+        f"(define (problem p) (:domain switches) (:objects {switches}) (:init {row}) (:goal (on s0)))"
+    )
+    out, given = tmp_path / "out", [f"--domain={tmp_path / 'domain.pddl'}", f"--problems={tmp_path / 'p.pddl'}"]
+    sizes = ["data.states_per_start=14", "data.goals_per_state=4", "data.random_problems=400", "data.suite_records=0"]
+    command = ["gen-data", f"--out={out}", *given, "--random-goals", *SMALL, *(f"--set={size}" for size in sizes)]
+    assert main(command) == 0
+    problems = pq.read_table(out / "problems.parquet").to_pylist()
+    starts = Counter(re.search(r"\(:init.*(?=\(:goal)", problem["problem"], re.DOTALL)[0] for problem in problems)
+    # From the problem's own state 1 + 12 + 66 are explored, and 4 goals drawn for each 14; from states without it fewer.
+    assert 6 * len(starts) < len(problems)
+    assert main(["verify-data", str(out)]) == 0
+
+
 def test_own_problems_are_used_with_their_goals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "domain.pddl").write_text(LAMPS)
     lamps(tmp_path, "p1.pddl", "(and (lit b) (lit c))")
@@ -321,6 +344,12 @@ def test_files_that_leave_nothing_to_train_on_are_refused_with_what_else_to_ask_
     assert "\n  " + str(tmp_path / "p0.pddl") + ": its own goal is left out: no plan of 1 to 2 steps" in message
     assert "p5.pddl" not in message
     assert "\n  … and 2 more\nhint: `--max-steps` asks for longer plans" in message
+    dark = tmp_path / "dark.pddl"
+    dark.write_text("(define (problem p) (:domain lamps) (:objects a b) (:init (next a b)) (:goal (lit b)))")
+    assert main([*given, f"--problems={dark}", "--random-goals", *SMALL]) == 2
+    message = capsys.readouterr().err
+    assert "hint: no state within reach of the problems makes a goal, either" in message
+    assert "--random-goals" not in message
     assert not (tmp_path / "out").exists()
 
 

@@ -64,9 +64,10 @@ class DataConfig:
     random_problems: int = 24_000
     """Random problems beside the templates'."""
     goals_per_state: int = 8
-    """Goals drawn from each random initial state."""
+    """Goals drawn from each random initial state; from one that `--random-goals` draws, as many times more as
+    `states_per_start` goes into the states explored."""
     states_per_start: int = 3000
-    """About how many states are explored from each random initial state."""
+    """No layer of states is begun from a random initial state once there are so many."""
     template_share: float = 0.5
     """Share of a suite's records from templates, evenly over them; the rest are random problems."""
     train_template_share: float = 0.15

@@ -52,7 +52,7 @@ pub struct Task {
     /// What a final state must satisfy.
     pub goal: GroundCondition,
     /// Every operator that is applicable in some relaxed-reachable state.
-    pub operators: Vec<Operator>,
+    pub operators: Arc<[Operator]>,
     /// Ground axioms by stratum; empty for tasks without derived predicates.
     pub axioms: AxiomLayers,
 }

@@ -107,7 +107,7 @@ proptest! {
         let limits = Limits::default();
         let task = ground(domain.clone(), problem, &limits).expect("within limits");
         let wider = ground(domain, Arc::new(wider), &limits).expect("within limits");
-        for operator in &task.operators {
+        for operator in task.operators.iter() {
             prop_assert!(wider.operator(operator.action, &operator.args).is_some(), "{:?} is lost", operator);
         }
         for fact in &task.facts {

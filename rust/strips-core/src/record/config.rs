@@ -42,9 +42,10 @@ pub struct RecordConfig {
     pub random_problems: usize,
     /// Whether given problems are where random goals start from, beside being problems themselves.
     pub random_goals: bool,
-    /// Goals drawn from each random initial state.
+    /// Goals drawn from each random initial state; from one of a given problem, as many times more as
+    /// `states_per_start` goes into the states explored.
     pub goals_per_state: usize,
-    /// Most states explored from each random initial state.
+    /// No layer of states is begun from a random initial state once there are so many.
     pub states_per_start: usize,
     /// Share of a suite's records from templates, the rest being from random problems.
     pub template_share: f64,

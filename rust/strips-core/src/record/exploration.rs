@@ -33,8 +33,8 @@ pub(super) struct Exploration {
 }
 
 impl Exploration {
-    /// Explores until the layer that holds a state for which `stop` is true, `horizon` steps or about `most` states,
-    /// whichever comes first. A layer that would pass `most` is not begun.
+    /// Explores until the layer that holds a state for which `stop` is true, `horizon` steps or `most` states,
+    /// whichever comes first. Layers are whole, so the last one may pass `most` by far.
     ///
     /// # Errors
     /// When the work is interrupted.

@@ -5,10 +5,9 @@
 
 use std::sync::Arc;
 
-use super::problems::{Workshop, goal_states, open_task, shape};
+use super::problems::{Workshop, goal_states, shape, started_from};
 use super::shape::{Shape, hash_of};
 use crate::negative::Goal;
-use crate::pddl::ast::Problem;
 use crate::task::{LimitError, State, Task};
 
 /// As many states as this are drawn, if it can be, on the way of all problems of a template together.
@@ -43,8 +42,7 @@ pub(super) fn midway(workshop: &Workshop, whole: &Shape, number: usize) -> Resul
     for operator in &plan[..=random.below(plan.len() - 1)] {
         state = whole.task.apply(&whole.task.operators[operator.index()], &state);
     }
-    let problem = Problem { init: whole.task.atoms(&state), ..(*whole.task.problem).clone() };
-    let task = Arc::new(open_task(workshop, problem)?);
+    let task = Arc::new(started_from(workshop, &whole.task, whole.task.atoms(&state))?);
     let goal = match &whole.goal {
         Goal::State(state) => Goal::State(carried(&whole.task, state, &task)),
         literals @ Goal::Literals(_) => literals.clone(),

@@ -1,6 +1,9 @@
 //! Making and solving problems: what templates and the random generator share.
 
-use std::sync::Arc;
+use std::hash::BuildHasher;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rustc_hash::{FxBuildHasher, FxHashMap};
 
 use super::config::{PlanChoice, RecordConfig};
 use super::exploration::Exploration;
@@ -9,13 +12,14 @@ use crate::negative::Goal;
 use crate::pddl::ast::{Condition, Domain, Problem};
 use crate::random::Random;
 use crate::search::{PlanSet, SampleError, Semantics};
-use crate::task::{LimitError, Limits, Task, ground};
+use crate::task::{Fact, LimitError, Limits, Operator, Task, ground};
 
 /// What all problems are made with.
 pub(super) struct Workshop<'c> {
     pub domain: Arc<Domain>,
     pub config: &'c RecordConfig,
     pub limits: Limits,
+    pub operators: OperatorLists,
 }
 
 impl Workshop<'_> {
@@ -28,7 +32,33 @@ impl Workshop<'_> {
 /// Grounds the problem with its goal left open, so that goals can be chosen after.
 pub(super) fn open_task(workshop: &Workshop, mut problem: Problem) -> Result<Task, LimitError> {
     problem.goal = Condition::And(Vec::new());
-    ground(workshop.domain.clone(), Arc::new(problem), &workshop.limits)
+    let mut task = ground(workshop.domain.clone(), Arc::new(problem), &workshop.limits)?;
+    task.operators = workshop.operators.shared(&task);
+    Ok(task)
+}
+
+/// The task from another initial state, its goal left open.
+pub(super) fn started_from(workshop: &Workshop, task: &Task, init: Vec<Fact>) -> Result<Task, LimitError> {
+    open_task(workshop, Problem { init, ..(*task.problem).clone() })
+}
+
+/// One copy of each list of operators. A data set has tens of thousands of initial states, and few sets of facts that
+/// can be reached from them; a list may have megabytes.
+#[derive(Default)]
+pub(super) struct OperatorLists(Mutex<FxHashMap<u64, Vec<Arc<[Operator]>>>>);
+
+impl OperatorLists {
+    /// The task's operators, as another task may have them already.
+    fn shared(&self, task: &Task) -> Arc<[Operator]> {
+        let key = FxBuildHasher.hash_one((&task.facts, task.operators.len()));
+        let mut lists = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let alike = lists.entry(key).or_default();
+        if let Some(known) = alike.iter().find(|known| ***known == *task.operators) {
+            return known.clone();
+        }
+        alike.push(task.operators.clone());
+        task.operators.clone()
+    }
 }
 
 /// States in one layer of an exploration, and their distance: what a goal is reached by.

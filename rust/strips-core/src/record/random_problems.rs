@@ -3,11 +3,10 @@
 use std::sync::Arc;
 
 use super::exploration::Exploration;
-use super::problems::{Workshop, open_task, shape};
+use super::problems::{Workshop, open_task, shape, started_from};
 use super::shape::{Shape, Source, hash_of};
 use crate::augment::Template;
 use crate::negative::Goal;
-use crate::pddl::ast::Problem;
 use crate::random::Random;
 use crate::task::{LimitError, State, Task};
 
@@ -27,7 +26,7 @@ pub(super) struct Wanted {
     pub steps: (usize, usize),
     /// Most states explored.
     pub states: usize,
-    /// Goals for each start.
+    /// Goals for each start, if no more than `states` were explored from it.
     pub goals: usize,
 }
 
@@ -42,33 +41,41 @@ pub(super) fn shapes(
     number: usize,
 ) -> Result<Vec<Shape>, LimitError> {
     let mut random = workshop.random(&format!("{} {number}", wanted.purpose));
-    let problem = start.problem(workshop, wanted, &mut random);
-    let task = Arc::new(scrambled(workshop, problem, &mut random)?);
+    let task = Arc::new(scrambled(workshop, start.task(workshop, wanted, &mut random)?, &mut random)?);
     let exploration = Exploration::new(&task, (wanted.steps.1, wanted.states), |_| false, &workshop.limits)?;
-    let drawn = (0..wanted.goals).filter_map(|_| draw(workshop, &task, &exploration, wanted, &mut random).transpose());
+    let drawn = (0..start.goals(wanted, &exploration))
+        .filter_map(|_| draw(workshop, &task, &exploration, wanted, &mut random).transpose());
     drawn.collect()
 }
 
 /// Where random problems start from.
-pub(super) enum Start {
+pub(super) enum Start<'t> {
     /// A template without a goal.
-    Template(Template),
-    /// The initial states of given problems, in turn.
-    Problems(Vec<Problem>),
+    Template(&'t Template),
+    /// Given problems, drawn from, their goals left open.
+    Problems(Vec<Task>),
 }
 
-impl Start {
-    fn problem(&self, workshop: &Workshop, wanted: Wanted, random: &mut Random) -> Problem {
+impl Start<'_> {
+    fn task(&self, workshop: &Workshop, wanted: Wanted, random: &mut Random) -> Result<Task, LimitError> {
         match self {
-            Start::Template(template) => template.draw(&workshop.domain, wanted.surplus, random),
-            Start::Problems(problems) => random.choice(problems).clone(),
+            Start::Template(template) => open_task(workshop, template.draw(&workshop.domain, wanted.surplus, random)),
+            Start::Problems(tasks) => Ok(random.choice(tasks).clone()),
+        }
+    }
+
+    /// Goals to draw from an exploration: a given problem's last layer may be many times as wide as all before it, and
+    /// what it cost is to give as many problems as the same work elsewhere.
+    fn goals(&self, wanted: Wanted, exploration: &Exploration) -> usize {
+        match self {
+            Start::Template(_) => wanted.goals,
+            Start::Problems(_) => wanted.goals * (exploration.states.len() / wanted.states).max(1),
         }
     }
 }
 
-/// The task whose initial state is where a random walk from the problem's leads.
-fn scrambled(workshop: &Workshop, problem: Problem, random: &mut Random) -> Result<Task, LimitError> {
-    let task = open_task(workshop, problem)?;
+/// The task whose initial state is where a random walk from the task's leads.
+fn scrambled(workshop: &Workshop, task: Task, random: &mut Random) -> Result<Task, LimitError> {
     let mut state = task.init.clone();
     for _ in 0..random.below(SCRAMBLE + 1) {
         let applicable: Vec<_> = task.operators.iter().filter(|operator| operator.applicable(&state)).collect();
@@ -81,7 +88,7 @@ fn scrambled(workshop: &Workshop, problem: Problem, random: &mut Random) -> Resu
     if init == task.problem.init {
         return Ok(task);
     }
-    open_task(workshop, Problem { init, ..(*task.problem).clone() })
+    started_from(workshop, &task, init)
 }
 
 /// A goal at a drawn distance, solved.

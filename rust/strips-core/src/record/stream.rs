@@ -11,7 +11,7 @@ use super::given_problems::{self, Given};
 use super::kept_problems::kept;
 use super::large_problems;
 use super::midway_problems::{draws, midway};
-use super::problems::Workshop;
+use super::problems::{OperatorLists, Workshop, open_task};
 use super::random_problems::{self, Start, Wanted};
 use super::shape::Shape;
 use super::splits::{Pools, Solved, Split};
@@ -69,13 +69,15 @@ pub enum RecordError {
     /// The configuration and the files leave nothing to train on.
     #[error(
         "`{domain}` has no problems to make records of: no template, no random start, or no goal within reach{}",
-        advice(left_out)
+        advice(left_out, *random_goals)
     )]
     NoProblems {
         /// The domain's name.
         domain: String,
         /// A line for each given problem whose own goal gives no records.
         left_out: Vec<String>,
+        /// Whether goals were to be drawn from the given problems' states, too.
+        random_goals: bool,
     },
 }
 
@@ -83,14 +85,18 @@ pub enum RecordError {
 const TOLD: usize = 5;
 
 /// What became of the given problems, and what else can be asked for.
-fn advice(left_out: &[String]) -> String {
+fn advice(left_out: &[String], random_goals: bool) -> String {
     if left_out.is_empty() {
         return "\nhint: give problems of the domain by `--problems`; `--random-goals` draws goals from their states"
             .into();
     }
     let more = (left_out.len() > TOLD).then(|| format!("… and {} more", left_out.len() - TOLD));
     let lines: Vec<String> = left_out.iter().take(TOLD).cloned().chain(more).collect();
-    let hint = "hint: `--max-steps` asks for longer plans, `--random-goals` for goals within reach of the problems";
+    let hint = if random_goals {
+        "hint: no state within reach of the problems makes a goal, either: give others, from whose initial state something can be done"
+    } else {
+        "hint: `--max-steps` asks for longer plans, `--random-goals` for goals within reach of the problems"
+    };
     format!("\n  {}\n{hint}", lines.join("\n  "))
 }
 
@@ -100,7 +106,7 @@ struct Parts {
     lexicon: Lexicon,
     templates: Vec<Template>,
     given: Vec<Given>,
-    start: Option<Start>,
+    random: Option<Template>,
     large: Option<Template>,
 }
 
@@ -122,14 +128,16 @@ impl RecordStream {
             return Err(ConfigMistake::PredicateWords.into());
         }
         let held_out = held_out(&parts.templates, &config)?;
-        let workshop = Workshop { domain: parts.domain.clone(), config: &config, limits };
+        let workshop =
+            Workshop { domain: parts.domain.clone(), config: &config, limits, operators: OperatorLists::default() };
         let (given, left_out) = given_problems::shapes(&workshop, &parts.given)?;
         let mut solved = solve(&workshop, &parts, given)?;
         solved.variants = midways(&workshop, &solved, &held_out)?;
         solved.variants.extend(kept_problems(&workshop, &solved.random)?);
         let pools = Pools::new(solved, &held_out, &config);
         if pools.of(Split::Train).groups.is_empty() {
-            return Err(RecordError::NoProblems { domain: parts.domain.name.clone(), left_out });
+            let (domain, random_goals) = (parts.domain.name.clone(), config.random_goals);
+            return Err(RecordError::NoProblems { domain, left_out, random_goals });
         }
         let templates = parts.templates.iter().map(|template| template.name.clone()).collect();
         let (domain, lexicon, negatives) = (parts.domain, parts.lexicon, config.negative_weights());
@@ -227,15 +235,12 @@ fn read(files: &DomainFiles, random_goals: bool) -> Result<Parts, RecordError> {
     let templates = files.templates.iter().map(template).collect::<Result<Vec<_>, _>>()?;
     let problem = |source: &Source| Given::read(source, &domain, &files.domain);
     let given = files.problems.iter().map(problem).collect::<Result<Vec<_>, _>>()?;
-    let start = match &files.random {
-        _ if random_goals && !given.is_empty() => {
-            Some(Start::Problems(given.iter().map(|given| given.problem.clone()).collect()))
-        }
-        Some(source) => Some(Start::Template(template(source)?)),
-        None => None,
+    let random = match &files.random {
+        Some(source) if !random_goals || given.is_empty() => Some(template(source)?),
+        _ => None,
     };
     let large = files.large.as_ref().map(template).transpose()?;
-    Ok(Parts { domain, lexicon, templates, given, start, large })
+    Ok(Parts { domain, lexicon, templates, given, random, large })
 }
 
 fn held_out(templates: &[Template], config: &RecordConfig) -> Result<Vec<usize>, ConfigMistake> {
@@ -256,7 +261,15 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
         let from = |number| large_problems::shapes(workshop, &large, number);
         solved.large = collect(from, large_problems::GOALS, config.large_records as usize)?;
     }
-    let Some(start) = &parts.start else { return Ok(solved) };
+    let start = match &parts.random {
+        Some(template) => Start::Template(template),
+        None if config.random_goals && !parts.given.is_empty() => {
+            let open = |given: &Given| open_task(workshop, given.problem.clone());
+            Start::Problems(parts.given.iter().map(open).collect::<Result<_, _>>()?)
+        }
+        None => return Ok(solved),
+    };
+    let start = &start;
     let trained = Wanted {
         purpose: "random problem",
         surplus: (0, 0),
@@ -273,11 +286,13 @@ fn solve(workshop: &Workshop, parts: &Parts, given: Vec<Shape>) -> Result<Solved
     }
     // A problem for each record: under other names it is the same question, and counts once.
     let problems = config.suite_records as usize;
-    let suite = Wanted { states: SUITE_STATES, goals: SUITE_GOALS, ..trained };
+    let goals = if matches!(start, Start::Template(_)) { SUITE_GOALS } else { config.goals_per_state };
+    let suite = Wanted { states: SUITE_STATES, goals, ..trained };
     let longer = Wanted { purpose: "longer", steps: config.longer_steps, ..suite };
     solved.longer = collect(longer, problems)?;
     if let Start::Template(random) = start {
-        let most = parts.templates.iter().chain([random]).map(|template| template.most_objects(&workshop.domain)).max();
+        let most =
+            parts.templates.iter().chain([*random]).map(|template| template.most_objects(&workshop.domain)).max();
         if let Some(surplus) = random.surplus_for(&workshop.domain, most.unwrap_or(0) + config.more_objects) {
             let more = Wanted { purpose: "more objects", surplus, ..suite };
             solved.more_objects = collect(more, problems)?;
@@ -321,7 +336,7 @@ fn large_template(parts: &Parts, config: &RecordConfig) -> Result<Template, Conf
     Ok(template)
 }
 
-/// Problems from one start after the other, each of which gives up to `goals`, until there are enough, or starts keep
+/// Problems from one start after the other, each of which gives about `goals`, until there are enough, or starts keep
 /// giving nothing.
 fn collect(
     from: impl Fn(usize) -> Result<Vec<Shape>, LimitError> + Sync,

@@ -8,7 +8,7 @@ use super::*;
 use crate::negative::{Corruption, FaultKind, Goal, check, trace};
 use crate::pddl::Source;
 use crate::search::{PlanSet, Semantics};
-use crate::task::{Fact, Limits, State, Task, ground};
+use crate::task::{Fact, Limits, Operator, State, Task, ground};
 
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../python/strips_lm/domains/manipulation")
@@ -104,6 +104,20 @@ fn every_plan_of_a_problem_is_right_and_shortest() {
             assert_eq!(check(&shape.task, &shape.goal, &trace(&shape.task, plan).0), None);
         }
     }
+}
+
+#[test]
+fn tasks_that_can_do_the_same_hold_their_operators_once() {
+    let stream = stream(config());
+    let tasks: Vec<_> = (0..stream.problems()).map(|id| &stream.problem(id).task).collect();
+    let mut lists: Vec<&Arc<[Operator]>> = Vec::new();
+    for task in &tasks {
+        match lists.iter().find(|known| ***known == task.operators) {
+            Some(known) => assert!(Arc::ptr_eq(known, &task.operators)),
+            None => lists.push(&task.operators),
+        }
+    }
+    assert!(2 * lists.len() < tasks.len(), "{} lists of {} tasks", lists.len(), tasks.len());
 }
 
 #[test]

@@ -46,7 +46,7 @@ pub fn ground(domain: Arc<Domain>, problem: Arc<Problem>, limits: &Limits) -> Re
         costs: Costs::new(&domain, &problem),
         watch: &watch,
     };
-    let operators = grounder.operators()?;
+    let operators = grounder.operators()?.into();
     let axioms = grounder.axioms(&domain)?;
     let goal = grounder.goal()?;
     let static_facts = facts.constant(&domain, &reach.relations);

@@ -66,7 +66,7 @@ impl Program {
             return Self::Word { init, goal, operators: task.operators.iter().map(one).collect() };
         }
         let (mut starts, mut changes) = (vec![0], Vec::new());
-        for operator in &task.operators {
+        for operator in task.operators.iter() {
             changes.extend(changes_of(operator));
             starts.push(changes.len() as u32);
         }

@@ -70,7 +70,7 @@ fn build(
 ) -> Arc<Task> {
     let derived = facts * stride;
     let spread = Spread { stride, derived: axiom.is_some().then_some(FactId::from(derived)) };
-    let operators: Vec<Operator> =
+    let operators: Arc<[Operator]> =
         operators.iter().enumerate().map(|(number, draft)| spread.operator(number, draft)).collect();
     let mut task = Task {
         domain: Arc::new(domain(derived + 1, operators.len())),
