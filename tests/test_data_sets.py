@@ -287,7 +287,7 @@ def test_wide_starts_give_goals_for_the_work_that_they_are(tmp_path: Path) -> No
     assert main(command) == 0
     problems = pq.read_table(out / "problems.parquet").to_pylist()
     starts = Counter(re.search(r"\(:init.*(?=\(:goal)", problem["problem"], re.DOTALL)[0] for problem in problems)
-    # From the problem's own state 1 + 12 + 66 are explored, and 4 goals drawn for each 14; from states without it fewer.
+    # From the problem's own state 1 + 12 + 66 are explored, and 4 goals drawn for each 14; from others fewer.
     assert 6 * len(starts) < len(problems)
     assert main(["verify-data", str(out)]) == 0
 
