@@ -92,7 +92,7 @@ def test_transformers_reads_the_words_and_it_can_be_saved(tokenizer: TypedTokeni
 
 def test_more_objects_of_a_type_than_slots_are_refused_with_a_hint(tokenizer: TypedTokenizer) -> None:
     objects = ", ".join(f"l{i} lamp" for i in range(4))
-    with pytest.raises(TokenizerError, match=r"`lamp` than the tokenizer's 3 slots(.|\n)*type_slots"):
+    with pytest.raises(TokenizerError, match=r"4 objects of type `lamp`.* 3 slots(.|\n)*`tokenizer.type_slots` of 4"):
         tokenizer.encode_prompts([f"<|startoftext|> <OBJECTS> {objects} <GOAL> lit(l0) <INIT> lit(l3)"])
 
 

@@ -175,7 +175,7 @@ class CanonicalTokenizer:
             raise TokenizerError("texts of which of the tokenizer's domains? `of_domain` says")
         ids, offsets, cuts, legends = self.codec.encode_ids(texts, words, domains=[self.domain] * len(texts))
         if len(ids) and int(ids.max()) >= self.vocab_size:
-            raise TokenizerError(_too_many_objects(self.max_slots))
+            raise TokenizerError(_too_many_objects(int(ids.max()) + 1 - self.codec.first_slot, self.max_slots))
         return np.split(ids, offsets[1:-1]), cuts, legends
 
 
@@ -224,8 +224,9 @@ def _read(folder: Path) -> tuple[_native.Domain, str | None]:
     return domain, (folder / LEXICON).read_text(encoding="utf-8") if (folder / LEXICON).is_file() else None
 
 
-def _too_many_objects(max_slots: int) -> str:
-    return f"more objects than the tokenizer's {max_slots} slots\nhint: train with a larger `tokenizer.max_slots`"
+def _too_many_objects(objects: int, max_slots: int) -> str:
+    hint = f"hint: train with `tokenizer.max_slots` of {objects} or more"
+    return f"a text with {objects} objects, and the tokenizer has {max_slots} slots\n{hint}"
 
 
 def word_level(ids: dict[str, int]) -> PreTrainedTokenizerFast:

@@ -146,15 +146,17 @@ class TypedTokenizer(OfWords):
                 continue
             number = counts[kind] = counts.get(kind, -1) + 1
             if number >= self.type_slots:
-                raise TokenizerError(self._too_many(kind))
+                raise TokenizerError(self._too_many(prompt, kind))
             # The plain slot is no object's now.
             tokens[slot], words[slot] = first + number, slot + self.slotted.max_slots
             words[first + number] = slot
         return TypedLegend(plain, tokens, words)
 
-    def _too_many(self, kind: int) -> str:
-        few = f"more objects of type `{self.words[kind]}` than the tokenizer's {self.type_slots} slots of a type"
-        return f"{few}\nhint: train with a larger `tokenizer.type_slots`"
+    def _too_many(self, prompt: Ids, kind: int) -> str:
+        objects = sum(other == kind for _, other in self._listed(prompt))
+        hint = f"hint: train with `tokenizer.type_slots` of {objects} or more"
+        few = f"and the tokenizer has {self.type_slots} slots of a type"
+        return f"a text with {objects} objects of type `{self.words[kind]}`, {few}\n{hint}"
 
     def _listed(self, prompt: Ids) -> list[tuple[int, int]]:
         """The slots that `<OBJECTS>` lists in canonical words, each with the word after it, its type's."""
