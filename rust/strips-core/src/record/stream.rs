@@ -26,7 +26,7 @@ use crate::task::{LimitError, Limits};
 const CHUNK: u64 = 256;
 /// Most random starts that are made before their problems are counted.
 const STARTS: usize = 32;
-/// How many problems of `longer` and of `more-objects` come from one start.
+/// How many problems of `longer` and of `more-objects` come from one start of a template.
 const SUITE_GOALS: usize = 2;
 /// Most states explored from one start of these suites.
 const SUITE_STATES: usize = 20_000;
