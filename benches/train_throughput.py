@@ -92,7 +92,7 @@ def ours(
         optimizer.step()
         optimizer.zero_grad()
         if number == WARM:  # the first steps warm the allocator and the kernels
-            float(losses.lm)
+            losses.lm.item()
             seen, steps, flops, start, work = 0, 0, 0, time.monotonic(), time.process_time()
         else:
             seen, steps, flops = seen + step.seen, steps + 1, flops + _flops(config.model, step, model.lm_head)
@@ -116,7 +116,7 @@ WARM = 6
 
 def _passed(losses, start: float) -> float:
     """Seconds since the start, all work given to a GPU being done."""
-    float(losses.lm)
+    losses.lm.item()
     return time.monotonic() - start
 
 

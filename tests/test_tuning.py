@@ -9,8 +9,8 @@ import torch
 from safetensors.torch import load_file
 
 import blocks_data
+from strips_lm import processor, tuning
 from strips_lm import train as loop
-from strips_lm import tuning
 from strips_lm.config import ConfigError, RunConfig
 from strips_lm.model import ModelError
 from strips_lm.train import train
@@ -50,6 +50,27 @@ def measured(tmp_path, monkeypatch):
     monkeypatch.setattr(tuning.torch, "get_num_threads", lambda: 2)
     yield found
     torch.set_num_threads(1)
+
+
+@pytest.mark.parametrize(
+    ("vendor", "amx", "avx512", "quicker"),
+    [
+        ("GenuineIntel", True, True, True),
+        ("GenuineIntel", False, True, False),  # AMX hidden: half the speed of float32
+        ("AuthenticAMD", False, True, True),
+        ("GenuineIntel", False, False, False),
+        ("AuthenticAMD", False, False, False),
+    ],
+)
+@pytest.mark.parametrize("listed", [True, False])
+def test_bfloat16_is_quicker_where_its_products_are(vendor, amx, avx512, quicker, listed, monkeypatch):
+    said = {True: vendor, False: ""}
+    monkeypatch.setattr(processor.platform, "machine", lambda: "x86_64" if listed else "AMD64")
+    monkeypatch.setattr(processor, "_listed", lambda _about: said[listed])
+    monkeypatch.setattr(processor.platform, "processor", lambda: f"Family 6 Model 207, {said[not listed]}")
+    monkeypatch.setattr(processor.torch.cpu, "_is_amx_tile_supported", lambda: amx)
+    monkeypatch.setattr(processor.torch.cpu, "_is_avx512_bf16_supported", lambda: avx512)
+    assert processor.multiplies_bfloat16.__wrapped__(torch.device("cpu")) is quicker
 
 
 class StoppedError(Exception):

@@ -94,7 +94,7 @@ class Trial:
 
 
 def default(train: TrainConfig, model: PreTrainedModel, device: torch.device) -> Choice:
-    """Without a trial: bfloat16 on request or where the processor multiplies it natively, compiled only on request.
+    """Without a trial: bfloat16 on request or where the processor multiplies it quicker, compiled only on request.
 
     Raises:
         ModelError: layers are to be compiled, and there is no compiler.

@@ -273,7 +273,7 @@ class TrainConfig:
     learnt from short ones much sooner."""
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     """Type that the layers run in; `auto` is what the trial finds faster, or without one bfloat16 where the processor
-    has instructions for it."""
+    multiplies it quicker."""
     compile: Literal["auto", "always", "never"] = "auto"
     """Whether `torch.compile` makes the layers' dense parts; `auto` where a trial finds that it pays within the run."""
     autotune: Literal["auto", True, False] = "auto"
