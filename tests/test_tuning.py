@@ -73,6 +73,14 @@ def test_bfloat16_is_quicker_where_its_products_are(vendor, amx, avx512, quicker
     assert processor.multiplies_bfloat16.__wrapped__(torch.device("cpu")) is quicker
 
 
+def test_machines_with_and_without_amx_are_told_apart(monkeypatch):
+    names = []
+    for amx in (True, False):
+        monkeypatch.setattr(processor.torch.cpu, "_is_amx_tile_supported", lambda amx=amx: amx)
+        names.append(processor.processor_name.__wrapped__())
+    assert names[0] == f"{names[1]} AMX"
+
+
 class StoppedError(Exception):
     """Ends a run before its first step."""
 

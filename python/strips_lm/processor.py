@@ -14,9 +14,9 @@ def multiplies_bfloat16(device: torch.device) -> bool:
     """Whether a device multiplies bfloat16 quicker than float32, as far as can be told without a trial.
 
     oneDNN's own answer is yes for every x86 processor with AVX-512, where it emulates such products at less than half
-    the speed of float32 (docs/experiments.md); so there the instructions themselves are asked for. Intel's processors
-    have them twice, as AMX and within AVX-512, and the latter at half the speed of float32, too: a virtual machine may
-    hide AMX. AMD's have the latter alone, at twice that speed.
+    the speed of float32 (docs/experiments.md); so there the instructions themselves are asked for. Those within AVX-512
+    were found twice as fast as float32 on one make without AMX, and half as fast on Intel's where a virtual machine
+    hides AMX.
     """
     if device.type != "cpu":
         return device.type == "cuda"
