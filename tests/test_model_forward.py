@@ -13,7 +13,8 @@ def gpt2(kind=GPT2LMHeadModel, **changes):
     torch.manual_seed(0)
     sizes = {"vocab_size": 50, "n_positions": 64, "n_embd": 32, "n_layer": 2, "n_head": 4}
     quiet = {"resid_pdrop": 0.0, "embd_pdrop": 0.0, "attn_pdrop": 0.0, "summary_first_dropout": 0.0}
-    return kind(GPT2Config(**sizes, **quiet, bos_token_id=0, eos_token_id=0, initializer_range=0.3, **changes))
+    kept = {"bos_token_id": 0, "eos_token_id": 0, "initializer_range": 0.3}
+    return kind(GPT2Config(**{**sizes, **quiet, **kept, **changes}))
 
 
 def tokens(rows=3, length=20):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from strips_lm.dataset import PlanDataset, StepPool
+    from strips_lm.goal_targets import GoalReader
     from strips_lm.spelling import Spelling
 
 
@@ -48,6 +49,10 @@ class Batch:
     """(pairs, choices) flat indices of each choice's last token; the positive comes first."""
     mc_labels: Tensor
     """(pairs,) which choice is the positive: always 0."""
+    goal_positions: Tensor
+    """(atoms,) flat indices into the tokens of the last token of each atom that has a target, if any have one."""
+    goal_labels: Tensor
+    """(atoms,) what each is to the goal (`strips_lm.goal_targets`)."""
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on another device."""
@@ -91,12 +96,19 @@ def padded_parts(lengths: Sequence[int], most: int = READ_TOKENS) -> list[list[i
 
 
 def collate(
-    rows: Sequence[Row], pairs: Sequence[Sequence[int]], pad: int, spread: float = math.inf, *, borrow: bool = False
+    rows: Sequence[Row],
+    pairs: Sequence[Sequence[int]],
+    pad: int,
+    spread: float = math.inf,
+    *,
+    borrow: bool = False,
+    reader: GoalReader | None = None,
 ) -> Batch:
     """Lay out rows in blocks and index what the losses read; `pairs` lists the rows of each choice, positive first.
 
     A block's rows differ in length by at most the share `spread`, and are padded to its longest. With `borrow` nothing
-    is padded, rows stay in order, and of a negative right behind its positive only what differs is laid out.
+    is padded, rows stay in order, and of a negative right behind its positive only what differs is laid out. With a
+    `reader` the atoms of scored rows have targets.
     """
     borrowed = _borrowed(rows, pairs) if borrow else [0] * len(rows)
     lengths = np.array([len(row) - known for row, known in zip(rows, borrowed, strict=True)])
@@ -115,6 +127,7 @@ def collate(
             scored.append(np.arange(start + len(row.prompt) - 1, start + length - 1))
             labels.append(row.completion)
     shape = blocks[0] if len(blocks) == 1 else (-1,)
+    atoms, found = _goal_targets(rows, starts, reader)
     last = [[int(starts[row] + lengths[row]) - 1 for row in pair] for pair in pairs]
     return Batch(
         input_ids=torch.from_numpy(ids).view(shape),
@@ -125,7 +138,18 @@ def collate(
         lm_labels=_long(labels),
         mc_token_ids=torch.tensor(last, dtype=torch.long).reshape(len(pairs), -1 if pairs else 0),
         mc_labels=torch.zeros(len(pairs), dtype=torch.long),
+        goal_positions=atoms,
+        goal_labels=found,
     )
+
+
+def _goal_targets(rows: Sequence[Row], starts: NDArray[np.int64], reader: GoalReader | None) -> tuple[Tensor, Tensor]:
+    """The index into a batch's tokens and the target of each atom that has one; a scored row lies whole."""
+    scored = [index for index, row in enumerate(rows) if row.scored] if reader is not None else []
+    if reader is None or not scored:
+        return _long([]), _long([])
+    owner, places, found = reader.targets([(rows[index].prompt, rows[index].completion) for index in scored])
+    return _long([starts[scored][owner] + places]), _long([found])
 
 
 def _borrowed(rows: Sequence[Row], pairs: Sequence[Sequence[int]]) -> list[int]:
@@ -249,7 +273,7 @@ def build_step(
         groups, records = [groups[place] for place in picked], records[picked]
     cuts = cut_batches(groups, plan.batch_tokens)
     return Step(
-        batches=[share_batch(cut, data.pad, plan, rank, world) for cut in cuts],
+        batches=[share_batch(cut, data.pad, plan, rank, world, reader=data.goal_reader) for cut in cuts],
         records=records,
         tokens=sum(len(group[0].completion) for group in groups),
         pairs=sum(len(group) > 1 for group in groups),
@@ -387,7 +411,9 @@ def cut_batches(groups: Sequence[Group], batch_tokens: int) -> list[list[Group]]
     return cuts
 
 
-def share_batch(groups: Sequence[Group], pad: int, plan: Plan, rank: int = 0, world: int = 1) -> Batch:
+def share_batch(
+    groups: Sequence[Group], pad: int, plan: Plan, rank: int = 0, world: int = 1, *, reader: GoalReader | None = None
+) -> Batch:
     """One process's rows of a batch; where it has none, a row that no loss reads keeps the processes in step."""
     mine = groups[rank::world] or [(Row(groups[0][0].prompt, groups[0][0].completion, scored=False),)]
     rows: list[Row] = []
@@ -396,7 +422,7 @@ def share_batch(groups: Sequence[Group], pad: int, plan: Plan, rank: int = 0, wo
         rows.extend(group)
         if len(group) > 1:
             pairs.append(range(len(rows) - 2, len(rows)))
-    return collate(rows, pairs, pad, plan.spread, borrow=plan.borrow)
+    return collate(rows, pairs, pad, plan.spread, borrow=plan.borrow, reader=reader)
 
 
 def walk(data: PlanDataset, plan: Plan, seed: int, start: int = 0) -> Iterator[tuple[int, NDArray[np.int64]]]:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from strips_lm.goal_targets import GoalReader
     from strips_lm.spelling import Spelling
     from strips_lm.tokenizer import PlanTokenizer
 
@@ -133,6 +134,8 @@ class PlanDataset:
     """Of a mixture, the name of each data set and the number of its first record."""
     own_steps: StepPool | None = None
     """What the second head is shown in place of the records' negatives."""
+    goal_reader: GoalReader | None = None
+    """What finds out what each atom of a state is to the goal, where training says so."""
 
     def __len__(self) -> int:
         return len(self.kept)

@@ -4,6 +4,9 @@ LM: the cross-entropy of the scored tokens, divided by the scored tokens of the 
 Multiple choice: the cross-entropy over the choices of a pair, read at each choice's last token, divided by the
 pairs of the whole step. L = lm_weight * L_lm + mc_weight * L_mc. Sums over batches, accumulation steps and processes
 are therefore the same number whatever the cut. Only scored positions reach the LM head.
+
+A third, of our own, is shown to some models while they train: the cross-entropy of what each atom of a state is to the
+goal (`strips_lm.goal_targets`), by the scored tokens of the step as the first.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch.nn import functional as F
 
-from strips_lm.forward import hidden_at, rounded
+from strips_lm.forward import Tap, final_norm, hidden_at, rounded
 from strips_lm.lstm import LstmLMHeadModel
 
 if TYPE_CHECKING:
@@ -37,24 +40,38 @@ class Losses:
     """Pairs of this batch."""
     right: Tensor
     """Pairs whose positive scored highest."""
+    goal: Tensor
+    """Sum of the cross-entropies (nats) of what atoms are to the goal, read half-way through the layers."""
 
 
 def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32, *, compiled: bool = False) -> Losses:
     """Both losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
     tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
-    hidden = _hidden(model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype, compiled)
+    tap = Tap(len(model.transformer.h) // 2) if len(batch.goal_labels) else None
+    hidden = _hidden(
+        model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype, compiled, tap=tap
+    )
     lm = _lm_losses(model, hidden[:tokens], batch.lm_labels).sum()
+    goal = _goal_loss(model, tap, batch) if tap else lm.new_zeros(())
     if pairs == 0:
-        return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()))
+        return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()), goal)
     logits = model.multiple_choice_head.summary(hidden[tokens:].to(_weight_type(model))).view(pairs, -1)
     mc = _step_losses(logits) if judges_steps(model) else F.cross_entropy(logits, batch.mc_labels, reduction="sum")
     right = (logits.argmax(dim=-1) == batch.mc_labels).sum()
-    return Losses(lm, mc, tokens, pairs, right)
+    return Losses(lm, mc, tokens, pairs, right, goal)
 
 
 def token_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -> Tensor:
     """(scored,) the cross-entropy (nats) of each scored token, row after row."""
     return _lm_losses(model, _hidden(model, batch, batch.lm_positions, dtype, compiled=False), batch.lm_labels)
+
+
+def _goal_loss(model: Any, tap: Tap, batch: Batch) -> Tensor:
+    """The summed losses (nats) of atoms' targets, by the language model's own head on what it knows half-way."""
+    if tap.hidden is None:
+        raise RuntimeError("the layers ran without the tap")
+    half_way = final_norm(model.transformer, tap.hidden[batch.goal_positions])
+    return _lm_losses(model, half_way, batch.goal_labels).sum()
 
 
 def _idle_head(model: Any, lm: Tensor) -> Tensor:
@@ -75,16 +92,23 @@ def _step_losses(logits: Tensor) -> Tensor:
     return F.binary_cross_entropy_with_logits(logits, truth, reduction="sum") / logits.shape[1]
 
 
-def weighted(losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float, mc_weight: float) -> Tensor:
-    """This batch's share of the step's loss L = lm_weight * L_lm + mc_weight * L_mc."""
-    return losses.lm * (lm_weight / max(step_tokens, 1)) + losses.mc * (mc_weight / max(step_pairs, 1))
+def weighted(
+    losses: Losses, step_tokens: int, step_pairs: int, lm_weight: float, mc_weight: float, *, goal_weight: float = 0.0
+) -> Tensor:
+    """This batch's share of the step's loss L = lm_weight * L_lm + mc_weight * L_mc + goal_weight * L_goal."""
+    read = losses.lm * lm_weight + losses.goal * goal_weight
+    return read / max(step_tokens, 1) + losses.mc * (mc_weight / max(step_pairs, 1))
 
 
-def _hidden(model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool) -> Tensor:
+def _hidden(
+    model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool, *, tap: Tap | None = None
+) -> Tensor:
     if isinstance(model, LstmLMHeadModel):
         return model.hidden_at(batch.input_ids, at)
     ids, places, blocks, borrowed = batch.input_ids, batch.position_ids, batch.blocks, batch.borrowed
-    return hidden_at(model.transformer, ids, places, at, dtype, blocks=blocks, borrowed=borrowed, compiled=compiled)
+    return hidden_at(
+        model.transformer, ids, places, at, dtype, blocks=blocks, borrowed=borrowed, compiled=compiled, tap=tap
+    )
 
 
 def _lm_losses(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:

@@ -17,6 +17,7 @@ from strips_lm._native import Domain
 from strips_lm.checkpoint import Keeper, Progress, flatten, last_checkpoint, resume, unflatten
 from strips_lm.dataset import DataSetError, entropy_floor, open_data, texts
 from strips_lm.folders import data_sets
+from strips_lm.goal_targets import GoalReader
 from strips_lm.model import ModelError, make_model
 from strips_lm.muon import make_optimizer
 from strips_lm.objective import Objective, validation_step
@@ -177,6 +178,7 @@ def _open(config: RunConfig, data: Path, tokenizer: PlanTokenizer) -> tuple[Plan
     held = open_data(data, "validation", tokenizer, context)
     spelling = tokenizer.spelling(context - room) if train.drawn_names else None
     if spelling is None:
-        return opened(tokenizer), held
+        reader = GoalReader.of(tokenizer) if train.goal_weight and config.model.kind != "lstm" else None
+        return replace(opened(tokenizer), goal_reader=reader), held
     named = opened(tokenizer) if train.drawn_names < 1.0 else None
     return replace(opened(tokenizer.slotted), spelling=spelling, named=named), held

@@ -157,16 +157,18 @@ def _layout(run: Run) -> Layout:
     return best_layout(run.accelerator.device, dtype, run.config.model.dropout)
 
 
-def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, float]:
-    """One optimisation step; returns the sums of the two losses and of right choices."""
+def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, ...]:
+    """One optimisation step; returns the sums of the two losses, of right choices and of the loss of atoms' targets."""
     train = run.config.train
     torch.manual_seed(hash((run.config.seed, run.progress.step, run.accelerator.process_index)))  # dropout
-    sums = torch.zeros(3, dtype=torch.float64, device=run.accelerator.device)
+    sums = torch.zeros(4, dtype=torch.float64, device=run.accelerator.device)
     for batch in step.batches:
         losses = run.objective(batch)
-        loss = weighted(losses, step.tokens, step.pairs, train.lm_weight, train.mc_weight)
+        loss = weighted(
+            losses, step.tokens, step.pairs, train.lm_weight, train.mc_weight, goal_weight=train.goal_weight
+        )
         run.accelerator.backward(loss * run.accelerator.num_processes)
-        sums += torch.stack([part.detach().double() for part in (losses.lm, losses.mc, losses.right)])
+        sums += torch.stack([part.detach().double() for part in (losses.lm, losses.mc, losses.right, losses.goal)])
     sums = run.accelerator.reduce(sums, "sum").cpu()
     norm = sums.new_zeros(())
     if train.clip:
@@ -178,7 +180,7 @@ def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, float, flo
     _set_rates(run.optimizer, rate(fraction, train))
     run.optimizer.step()
     run.optimizer.zero_grad()
-    return float(sums[0]), float(sums[1]), float(sums[2])
+    return tuple(sums.tolist())
 
 
 def rate(fraction: float, train: TrainConfig) -> float:
@@ -213,11 +215,11 @@ class _Window:
         self._clear()
 
     def _clear(self) -> None:
-        self.sums = [0.0, 0.0, 0.0]
+        self.sums = [0.0, 0.0, 0.0, 0.0]
         self.tokens = self.pairs = self.seen = 0
         self.start = self.run.clock.seconds()
 
-    def add(self, step: Step, sums: tuple[float, float, float]) -> None:
+    def add(self, step: Step, sums: tuple[float, ...]) -> None:
         self.sums = [a + b for a, b in zip(self.sums, sums, strict=True)]
         self.tokens, self.pairs, self.seen = self.tokens + step.tokens, self.pairs + step.pairs, self.seen + step.seen
 
@@ -226,13 +228,15 @@ class _Window:
         run, train = self.run, self.run.config.train
         lm = self.sums[0] / max(self.tokens, 1)
         mc = self.sums[1] / self.pairs if self.pairs else None
+        goal = self.sums[3] / max(self.tokens, 1) if run.data.goal_reader else None
         seconds = run.clock.seconds()
         values = {
             "step": run.progress.step,
             "seconds": round(seconds, 3),
-            "loss": train.lm_weight * lm + train.mc_weight * (mc or 0.0),
+            "loss": train.lm_weight * lm + train.mc_weight * (mc or 0.0) + train.goal_weight * (goal or 0.0),
             "lm_loss": lm,
             "mc_loss": mc,
+            "goal_loss": goal,
             "mc_accuracy": self.sums[2] / self.pairs if self.pairs else None,
             "rate": rate(fraction, train),
             "threads": torch.get_num_threads(),

@@ -255,6 +255,9 @@ class TrainConfig:
     """Share of the records that bring their negative along for the multiple-choice loss."""
     mc_start: float = 0.0
     """Share of the run after which negatives come along."""
+    goal_weight: float = 0.0
+    """Weight of what each atom of a state is to the goal, which the layers are told half-way; read where the layout
+    spells states out (`tokenizer.layout=report`) in canonical or typed words, by GPT-2s. 0 tells them nothing."""
     own_steps: int = 0
     """Training prompts that the model's own steps are drawn for once `mc_start` is reached: from then on the second
     head learns to say of a single step whether it holds. 0: it tells records from their negatives."""
@@ -292,6 +295,7 @@ class TrainConfig:
         check(self.steps > 0 or self.minutes > 0.0, "`train.steps` or `train.minutes` must be positive")
         check(min(self.step_tokens, self.batch_tokens) > 0, "`train.step_tokens` and `train.batch_tokens` are positive")
         check(self.select_from > 0, "`train.select_from` must be positive")
+        check(self.goal_weight >= 0.0, "`train.goal_weight` is at least 0; 0 tells nothing of goals")
         check(self.own_steps >= 0, "`train.own_steps` is a number of prompts; 0 draws none")
         check(len(self.betas) == 2, "`train.betas` are two numbers")
         check(self.warmup + self.cooldown <= 1.0, "`train.warmup` and `train.cooldown` are shares of one run")
