@@ -27,6 +27,8 @@ from strips_lm.tokenizer.typed import TypedTokenizer
 from strips_lm.train import train
 from test_model_forward import gpt2
 from test_train import interrupt_at
+from test_train_processes import same_weights
+from test_train_processes import train as train_in
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,18 +55,26 @@ def literals(text: str) -> list[str]:
     return re.findall(r"(?:not )?[\w-]+\([^()]*\)", text)
 
 
-def slowly(row: dict[str, Any]) -> list[str]:
-    """What each atom of a record's states is to its goal, in order, by its text and its goal's style."""
+def slowly(row: dict[str, Any]) -> tuple[list[str], list[set[str]]]:
+    """What each atom of a record's states is to its goal, and the words of what the goal lacks after each state."""
     goal = set(literals(row["prompt"].split("<GOAL>")[1].split("<INIT>")[0]))
     states = [row["prompt"].split("<INIT>")[1]]
     states += [re.split("<ACTION>|<.endoftext.>", part)[0] for part in row["completion"].split("<STATE>")[1:]]
     lists = [literals(state) for state in states]
     whole = row["goal_style"] == "state" or goal == set(lists[-1])
-    return [
-        "<GOAL>" if atom in goal else "<not>" if whole or f"not {atom}" in goal else "<STATE>"
-        for atoms in lists
+    gone = [{atom for atom in atoms if f"not {atom}" in goal or (whole and atom not in goal)} for atoms in lists]
+    missing = [{atom for atom in goal if not atom.startswith("not ") and atom not in atoms} for atoms in lists]
+    relations = [
+        "<GOAL>" if atom in goal else "<not>" if atom in unwanted else "<STATE>"
+        for atoms, unwanted in zip(lists, gone, strict=True)
         for atom in atoms
     ]
+    words = [
+        {word for atom in unmet | unwanted for word in re.findall(r"[^\s(),]+", atom)}
+        | ({"<not>"} if unwanted else set())
+        for unmet, unwanted in zip(missing, gone, strict=True)
+    ]
+    return relations, [found or {"<|endoftext|>"} for found in words]
 
 
 @pytest.mark.parametrize("kind", ["canonical", "typed"])
@@ -75,18 +85,39 @@ def test_targets_are_what_the_texts_say(data: Path, kind: str) -> None:
     assert reader is not None
     table = pq.read_table(data / "data").to_pylist()
     texts = [[row[name] for row in table] for name in ("prompt", "completion", "words")]
-    prompts, completions, _ = tokenizer.encode_records(*texts)
-    owner, places, found = reader.targets(list(zip(prompts, completions, strict=True)))
-    styles = set()
-    for number, row in enumerate(table):
-        mine = owner == number
-        assert [tokenizer.words[target] for target in found[mine]] == slowly(row)
-        tokens = np.concatenate((prompts[number], completions[number]))
-        after = np.append(tokens[1:], tokenizer.end_id)[places[mine]]
-        assert (after < plain.codec.first_slot).all(), "an atom's last token has none of its objects behind it"
+    prompts, completions, legends = tokenizer.encode_records(*texts)
+    styles, seen = set(), set()
+    for row, prompt, completion, legend in zip(table, prompts, completions, legends, strict=True):
+        found = reader.targets([(prompt, completion)])
+        relations, lacking = slowly(row)
+        assert [tokenizer.words[target] for target in found.relations] == relations
+        said = [tokenizer.say([word], legend) for word in found.words.tolist()]
+        pairs = list(zip(found.lacking.tolist(), said, strict=True))
+        assert [{word for state, word in pairs if state == number} for number in range(len(lacking))] == lacking
+        assert len(pairs) == len(set(pairs))
+        tokens = [tokenizer.words[token] for token in (*prompt, *completion, tokenizer.end_id)]
+        assert all(tokens[place + 1] in {"<ACTION>", "<|endoftext|>"} for place in found.states)
+        assert all(tokens[place + 1] not in tokenizer.words[plain.codec.first_slot :] for place in found.atoms)
         styles.add(row["goal_style"])
+        seen.update(relations, *lacking)
     assert len(styles) > 1
-    assert {tokenizer.words[target] for target in found} == {"<GOAL>", "<not>", "<STATE>"}
+    assert seen >= {"<GOAL>", "<not>", "<STATE>", "<|endoftext|>"}
+
+
+def test_rows_are_read_as_if_alone(data: Path) -> None:
+    records, reader = some_rows(data)
+    rows = [(prompt, plan) for prompt, plan, _ in records]
+    together, start, first = reader.targets(rows), 0, 0
+    for prompt, plan in rows:
+        alone, places = reader.targets([(prompt, plan)]), range(start, start + len(prompt) + len(plan))
+        for name in ("atoms", "states"):
+            assert [p - start for p in getattr(together, name) if p in places] == getattr(alone, name).tolist()
+        atoms = np.isin(together.atoms, places)
+        assert together.relations[atoms].tolist() == alone.relations.tolist()
+        words = (together.lacking >= first) & (together.lacking < first + len(alone.states))
+        assert (together.lacking[words] - first).tolist() == alone.lacking.tolist()
+        assert together.words[words].tolist() == alone.words.tolist()
+        start, first = places.stop, first + len(alone.states)
 
 
 @pytest.mark.parametrize("layout", ["difference", "progress"])
@@ -94,43 +125,50 @@ def test_changes_have_no_targets(data: Path, layout: Any) -> None:
     assert GoalReader.of(CanonicalTokenizer.of_data(data, 32, layout)) is None
 
 
-READER = GoalReader(goal=2, init=3, state=5, others=(0, 1, 4), negation=6, strange=(7,), first_slot=20)
+READER = GoalReader(goal=2, init=3, state=5, others=(0, 1, 4), negation=6, strange=(7,), first_slot=20, end=0)
 
 
-def read(*rows: tuple[list[int], list[int]]) -> list[list[tuple[int, int]]]:
-    """(place, target) of each atom of each row."""
-    owner, places, found = READER.targets(
-        [(np.array(a, dtype=np.uint16), np.array(b, dtype=np.uint16)) for a, b in rows]
+def read(*rows: tuple[list[int], list[int]]) -> tuple[list[tuple[int, int]], list[tuple[int, list[int]]]]:
+    """(place, relation) of each atom, (place, words of what is lacking) of each state."""
+    found = READER.targets([(np.array(a, dtype=np.uint16), np.array(b, dtype=np.uint16)) for a, b in rows])
+    lacking = [found.words[found.lacking == number].tolist() for number in range(len(found.states))]
+    return list(zip(found.atoms.tolist(), found.relations.tolist(), strict=True)), list(
+        zip(found.states.tolist(), lacking, strict=True)
     )
-    return [
-        [(int(p), int(t)) for o, p, t in zip(owner, places, found, strict=True) if o == n] for n in range(len(rows))
-    ]
 
 
 def test_an_atom_is_its_predicate_and_its_objects_in_order() -> None:
     prompt = [1, 2, 10, 20, 21, 6, 11, 3, 10, 21, 20, 11]
     plan = [4, 12, 20, 5, 10, 20, 21, 10, 20, 11, 0]
-    assert read((prompt, plan)) == [[(10, 5), (11, 6), (18, 2), (20, 5), (21, 6)]]
+    atoms, states = read((prompt, plan))
+    assert atoms == [(10, 5), (11, 6), (18, 2), (20, 5), (21, 6)]
+    assert states == [(11, [6, 10, 11, 20, 21]), (21, [6, 11])]
 
 
 def test_a_goal_that_the_plan_ends_in_to_the_atom_wants_nothing_else() -> None:
     prompt = [1, 2, 10, 20, 11, 3, 10, 20, 10, 21]
     done, more = [4, 12, 5, 10, 20, 11, 0], [4, 12, 5, 10, 20, 11, 12, 0]
-    assert read((prompt, done))[0] == [(7, 2), (9, 6), (14, 2), (15, 2)]
-    assert read((prompt, more))[0] == [(7, 2), (9, 5), (14, 2), (15, 2), (16, 5)]
-    assert read((prompt, more), (prompt, done))[1] == read((prompt, done))[0], "whatever stands beside it"
+    assert read((prompt, done)) == ([(7, 2), (9, 6), (14, 2), (15, 2)], [(9, [6, 10, 11, 21]), (15, [0])])
+    assert read((prompt, more)) == ([(7, 2), (9, 5), (14, 2), (15, 2), (16, 5)], [(9, [11]), (16, [0])])
 
 
 def test_a_record_with_something_else_than_atoms_has_no_targets() -> None:
     prompt, plan = [1, 2, 10, 20, 3, 10, 20], [4, 12, 5, 11, 0]
     strange = [1, 2, 7, 3, 10, 20]
-    assert read((strange, plan), (prompt, plan), (prompt, [4, 7, 5, 11, 0])) == [[], [(6, 2), (10, 5)], []]
+    assert read((strange, plan), (prompt, plan), (prompt, [4, 7, 5, 11, 0])) == (
+        [(17, 2), (21, 5)],
+        [(17, [0]), (21, [10, 20])],
+    )
+    assert read((strange, plan)) == ([], [])
 
 
 def test_empty_states_and_goals_are_read() -> None:
-    assert read(([1, 2, 3], [0])) == [[]]
-    assert read(([1, 2, 3, 10, 20], [4, 12, 5, 0])) == [[(4, 6)]]
-    assert read(([1, 2, 10, 20, 3], [4, 12, 5, 10, 20, 0])) == [[(9, 2)]]
+    assert read(([1, 2, 3], [0])) == ([], [(2, [0])])
+    assert read(([1, 2, 3, 10, 20], [4, 12, 5, 0])) == ([(4, 6)], [(4, [6, 10, 20]), (7, [0])])
+    assert read(([1, 2, 10, 20, 3], [4, 12, 5, 10, 20, 0])) == ([(9, 2)], [(4, [10, 20]), (9, [0])])
+
+
+LAYERS = 4
 
 
 def some_rows(data: Path) -> tuple[list[tuple[Any, Any, Any]], GoalReader]:
@@ -145,14 +183,20 @@ def some_rows(data: Path) -> tuple[list[tuple[Any, Any, Any]], GoalReader]:
 
 
 def plainly(model: Any, records: list[tuple[Any, Any, Any]], reader: GoalReader) -> Any:
-    """The loss by transformers' own forward pass, one record and one atom at a time."""
+    """The loss by transformers' own forward pass, one record, one atom and one word at a time."""
     found, scored = 0.0, 0
     for prompt, plan, _ in records:
         ids = torch.from_numpy(np.concatenate((prompt, plan)).astype(np.int64))[None]
-        half = model(ids, output_hidden_states=True).hidden_states[model.config.n_layer // 2]
-        logits = model.lm_head(model.transformer.ln_f(half))[0].log_softmax(-1)
-        _, places, targets = reader.targets([(prompt, plan)])
-        found = found - sum(logits[place, target] for place, target in zip(places, targets, strict=True))
+        layers = model(ids, output_hidden_states=True).hidden_states
+        half, late = (
+            model.lm_head(model.transformer.ln_f(layers[at]))[0].log_softmax(-1)
+            for at in (LAYERS // 2, 3 * LAYERS // 4)
+        )
+        goal = reader.targets([(prompt, plan)])
+        found = found - sum(half[place, target] for place, target in zip(goal.atoms, goal.relations, strict=True))
+        for number, place in enumerate(goal.states):
+            words = goal.words[goal.lacking == number]
+            found = found + sum(math.log(1 / len(words)) - late[place, word] for word in words) / len(words)
         scored += len(plan)
     return found / scored
 
@@ -161,7 +205,7 @@ def plainly(model: Any, records: list[tuple[Any, Any, Any]], reader: GoalReader)
 @pytest.mark.parametrize(("cut", "spread", "borrow"), [(9, math.inf, False), (2, 0.0, True), (4, 0.2, False)])
 def test_loss_and_gradient_equal_the_slow_twin(data: Path, kind: Any, cut: int, spread: float, borrow: bool) -> None:
     records, reader = some_rows(data)
-    model = gpt2(kind, vocab_size=90, n_positions=400, n_layer=3).double()
+    model = gpt2(kind, vocab_size=90, n_positions=400, n_layer=LAYERS).double()
     plainly(model, records, reader).backward()
     wanted = {name: p.grad.clone() for name, p in model.named_parameters() if p.grad is not None}
     model.zero_grad()
@@ -192,8 +236,10 @@ def test_renumbered_records_have_targets_of_their_own_atoms(data: Path) -> None:
     steps = [build_step(split, split.kept[:40], plan, Dress(0.0, share), (3,)) for share in (0.0, 1.0)]
     plain, renumbered = (step.batches[0] for step in steps)
     assert not torch.equal(plain.input_ids, renumbered.input_ids)
-    assert torch.equal(plain.goal_positions, renumbered.goal_positions)
-    assert torch.equal(plain.goal_labels, renumbered.goal_labels)
+    assert plain.goal is not None
+    assert renumbered.goal is not None
+    assert all(torch.equal(*parts) for parts in zip(plain.goal[:4], renumbered.goal[:4], strict=True))
+    assert not torch.equal(plain.goal.words, renumbered.goal.words)
 
 
 def settings(*more: str) -> RunConfig:
@@ -238,6 +284,17 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
     assert train(given, data, tmp_path / "pieced", resumed=True, shown=False) == 0
     whole, pieced = weights(tmp_path / "whole"), weights(tmp_path / "pieced")
     assert all(torch.equal(whole[name], pieced[name]) for name in whole)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", ["train.shard=false", "train.shard=true"])
+def test_two_processes_learn_what_one_does(data: Path, tmp_path: Path, more: str) -> None:
+    run = tmp_path / "given.toml"
+    given = ("tokenizer.layout=report", "train.optimizer=adam", "train.precision=float32", "train.batch_tokens=700")
+    settings(*given, "train.steps=6", more).save(run)
+    for world in (1, 2):
+        train_in(data, tmp_path / str(world), run, world)
+    same_weights(weights(tmp_path / "1"), weights(tmp_path / "2"), 1e-4)
 
 
 @pytest.mark.parametrize("more", [("tokenizer.layout=progress",), ("tokenizer.layout=report", "model.kind=lstm")])

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
@@ -27,6 +27,21 @@ if TYPE_CHECKING:
     from strips_lm.dataset import PlanDataset, StepPool
     from strips_lm.goal_targets import GoalReader
     from strips_lm.spelling import Spelling
+
+
+class GoalLabels(NamedTuple):
+    """`GoalTargets` of a batch's scored rows; places are flat indices into its tokens."""
+
+    atoms: Tensor
+    """(atoms,)"""
+    relations: Tensor
+    """(atoms,)"""
+    states: Tensor
+    """(states,)"""
+    lacking: Tensor
+    """(words,)"""
+    words: Tensor
+    """(words,)"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,15 +64,15 @@ class Batch:
     """(pairs, choices) flat indices of each choice's last token; the positive comes first."""
     mc_labels: Tensor
     """(pairs,) which choice is the positive: always 0."""
-    goal_positions: Tensor
-    """(atoms,) flat indices into the tokens of the last token of each atom that has a target, if any have one."""
-    goal_labels: Tensor
-    """(atoms,) what each is to the goal (`strips_lm.goal_targets`)."""
+    goal: GoalLabels | None = None
+    """What the layers are told of goals, if anything."""
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on another device."""
         parts = {field.name: getattr(self, field.name) for field in fields(self)}
         moved: dict[str, Any] = {name: part.to(device) for name, part in parts.items() if torch.is_tensor(part)}
+        if self.goal is not None:
+            moved["goal"] = GoalLabels(*(part.to(device) for part in self.goal))
         return replace(self, **moved)
 
 
@@ -108,7 +123,7 @@ def collate(
 
     A block's rows differ in length by at most the share `spread`, and are padded to its longest. With `borrow` nothing
     is padded, rows stay in order, and of a negative right behind its positive only what differs is laid out. With a
-    `reader` the atoms of scored rows have targets.
+    `reader` the layers are told of goals.
     """
     borrowed = _borrowed(rows, pairs) if borrow else [0] * len(rows)
     lengths = np.array([len(row) - known for row, known in zip(rows, borrowed, strict=True)])
@@ -127,7 +142,6 @@ def collate(
             scored.append(np.arange(start + len(row.prompt) - 1, start + length - 1))
             labels.append(row.completion)
     shape = blocks[0] if len(blocks) == 1 else (-1,)
-    atoms, found = _goal_targets(rows, starts, reader)
     last = [[int(starts[row] + lengths[row]) - 1 for row in pair] for pair in pairs]
     return Batch(
         input_ids=torch.from_numpy(ids).view(shape),
@@ -138,18 +152,19 @@ def collate(
         lm_labels=_long(labels),
         mc_token_ids=torch.tensor(last, dtype=torch.long).reshape(len(pairs), -1 if pairs else 0),
         mc_labels=torch.zeros(len(pairs), dtype=torch.long),
-        goal_positions=atoms,
-        goal_labels=found,
+        goal=_goal_labels(rows, starts, reader) if reader is not None else None,
     )
 
 
-def _goal_targets(rows: Sequence[Row], starts: NDArray[np.int64], reader: GoalReader | None) -> tuple[Tensor, Tensor]:
-    """The index into a batch's tokens and the target of each atom that has one; a scored row lies whole."""
-    scored = [index for index, row in enumerate(rows) if row.scored] if reader is not None else []
-    if reader is None or not scored:
-        return _long([]), _long([])
-    owner, places, found = reader.targets([(rows[index].prompt, rows[index].completion) for index in scored])
-    return _long([starts[scored][owner] + places]), _long([found])
+def _goal_labels(rows: Sequence[Row], starts: NDArray[np.int64], reader: GoalReader) -> GoalLabels | None:
+    """What the layers are told of a batch's goals; scored rows lie whole in its tokens."""
+    scored = [index for index, row in enumerate(rows) if row.scored]
+    if not scored:
+        return None
+    found = reader.targets([(rows[index].prompt, rows[index].completion) for index in scored])
+    places = np.concatenate([np.arange(len(rows[index])) + starts[index] for index in scored])
+    parts = (places[found.atoms], found.relations, places[found.states], found.lacking, found.words)
+    return GoalLabels(*map(torch.from_numpy, parts))
 
 
 def _borrowed(rows: Sequence[Row], pairs: Sequence[Sequence[int]]) -> list[int]:

@@ -135,7 +135,7 @@ class PlanDataset:
     own_steps: StepPool | None = None
     """What the second head is shown in place of the records' negatives."""
     goal_reader: GoalReader | None = None
-    """What finds out what each atom of a state is to the goal, where training says so."""
+    """What finds out how states stand to goals, where the layers are told."""
 
     def __len__(self) -> int:
         return len(self.kept)

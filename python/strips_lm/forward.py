@@ -18,7 +18,6 @@ varying size, whatever the blocks are. It knows nothing of losses, batches or de
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -41,16 +40,6 @@ GRAIN = 128
 it has not met, which takes ten times as long as the product itself, and there are only so many multiples."""
 
 
-@dataclass(slots=True)
-class Tap:
-    """Where a loss reads hidden states before the last layer."""
-
-    layer: int
-    """The layer before which they are read."""
-    hidden: Tensor | None = None
-    """(tokens or more, width): those of all tokens of the last pass."""
-
-
 def hidden_at(
     transformer: Any,
     input_ids: Tensor,
@@ -61,13 +50,14 @@ def hidden_at(
     blocks: Blocks = (),
     borrowed: Sequence[int] = (),
     compiled: bool = False,
-    tap: Tap | None = None,
+    tap: dict[int, Tensor] | None = None,
 ) -> Tensor:
     """Final hidden states (len(at), width) of the positions `at`, indices into the flattened tokens.
 
     The tokens are (rows, length), or flat in `blocks` of such tables. Before its own tokens a row has as many as it
     `borrowed`: the first of the last row before it that borrowed none. `compiled` runs the layers compiled where
-    gradients are recorded. A `tap` is filled on the way.
+    gradients are recorded. A `tap` gets what goes into the layers that it
+    names, (tokens or more, width) each.
     """
     blocks = blocks or (tuple(input_ids.shape),)
     scored = len(at)
@@ -77,8 +67,8 @@ def hidden_at(
     sides = compiled_sides() if compiled and torch.is_grad_enabled() else Sides(_before, _after)
     rows = Rows.of(transformer, hidden, blocks, borrowed)
     for index, block in enumerate(transformer.h):
-        if tap is not None and index == tap.layer:
-            tap.hidden = hidden
+        if tap is not None and index in tap:
+            tap[index] = hidden
         attended = attend(block.attn, sides.before(block, hidden), rows)
         if index == last:
             attended, hidden = attended[at], hidden[at]

@@ -5,8 +5,8 @@ Multiple choice: the cross-entropy over the choices of a pair, read at each choi
 pairs of the whole step. L = lm_weight * L_lm + mc_weight * L_mc. Sums over batches, accumulation steps and processes
 are therefore the same number whatever the cut. Only scored positions reach the LM head.
 
-A third, of our own, is shown to some models while they train: the cross-entropy of what each atom of a state is to the
-goal (`strips_lm.goal_targets`), by the scored tokens of the step as the first.
+A third, of our own, is for models that spell states out: what each atom of a state is to the goal, and what the goal
+lacks after each state (`strips_lm.goal_targets`), told to the layers on the way; divided as the first.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch.nn import functional as F
 
-from strips_lm.forward import Tap, final_norm, hidden_at, rounded
+from strips_lm.forward import final_norm, hidden_at, rounded
 from strips_lm.lstm import LstmLMHeadModel
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from strips_lm.batches import Batch
+    from strips_lm.batches import Batch, GoalLabels
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,18 +41,18 @@ class Losses:
     right: Tensor
     """Pairs whose positive scored highest."""
     goal: Tensor
-    """Sum of the cross-entropies (nats) of what atoms are to the goal, read half-way through the layers."""
+    """Sum of the losses (nats) of what the layers are told of goals."""
 
 
 def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32, *, compiled: bool = False) -> Losses:
     """Both losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
     tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
-    tap = Tap(len(model.transformer.h) // 2) if len(batch.goal_labels) else None
+    tap = dict.fromkeys(_told(model), batch.input_ids) if batch.goal else None
     hidden = _hidden(
         model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype, compiled, tap=tap
     )
     lm = _lm_losses(model, hidden[:tokens], batch.lm_labels).sum()
-    goal = _goal_loss(model, tap, batch) if tap else lm.new_zeros(())
+    goal = _goal_loss(model, tap, batch.goal) if tap and batch.goal else lm.new_zeros(())
     if pairs == 0:
         return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()), goal)
     logits = model.multiple_choice_head.summary(hidden[tokens:].to(_weight_type(model))).view(pairs, -1)
@@ -66,12 +66,23 @@ def token_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -
     return _lm_losses(model, _hidden(model, batch, batch.lm_positions, dtype, compiled=False), batch.lm_labels)
 
 
-def _goal_loss(model: Any, tap: Tap, batch: Batch) -> Tensor:
-    """The summed losses (nats) of atoms' targets, by the language model's own head on what it knows half-way."""
-    if tap.hidden is None:
-        raise RuntimeError("the layers ran without the tap")
-    half_way = final_norm(model.transformer, tap.hidden[batch.goal_positions])
-    return _lm_losses(model, half_way, batch.goal_labels).sum()
+def _goal_loss(model: Any, tap: dict[int, Tensor], goal: GoalLabels) -> Tensor:
+    """The summed losses (nats) of what the layers are told, which they say by the language model's own head.
+
+    Of an atom what it is to the goal, half-way: a cross-entropy. Of a state what the goal lacks after it, three
+    quarters of the way, with atoms told: the divergence from a uniform draw among the words, which is zero at best.
+    """
+    half, late = _told(model)
+    relations = _lm_losses(model, final_norm(model.transformer, tap[half][goal.atoms]), goal.relations).sum()
+    chances = _logits(model, final_norm(model.transformer, tap[late][goal.states])).log_softmax(-1)
+    counts = goal.lacking.bincount(minlength=len(goal.states)).to(chances.dtype)[goal.lacking]
+    return relations - ((chances[goal.lacking, goal.words] + counts.log()) / counts).sum()
+
+
+def _told(model: Any) -> tuple[int, int]:
+    """The layers before which atoms and states are told."""
+    layers = len(model.transformer.h)
+    return layers // 2, 3 * layers // 4
 
 
 def _idle_head(model: Any, lm: Tensor) -> Tensor:
@@ -101,7 +112,7 @@ def weighted(
 
 
 def _hidden(
-    model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool, *, tap: Tap | None = None
+    model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool, *, tap: dict[int, Tensor] | None = None
 ) -> Tensor:
     if isinstance(model, LstmLMHeadModel):
         return model.hidden_at(batch.input_ids, at)
@@ -112,10 +123,15 @@ def _hidden(
 
 
 def _lm_losses(model: Any, hidden: Tensor, labels: Tensor) -> Tensor:
+    return F.cross_entropy(_logits(model, hidden), labels, reduction="none")
+
+
+def _logits(model: Any, hidden: Tensor) -> Tensor:
+    """(n, vocabulary) what the language model's head says, in the parameters' own type."""
     weight = model.lm_head.weight.to(hidden.dtype)
     bias = getattr(model.lm_head, "bias", None)
     logits = F.linear(rounded(hidden), weight, None if bias is None else bias.to(hidden.dtype))[: len(hidden)]
-    return F.cross_entropy(logits.to(_weight_type(model)), labels, reduction="none")
+    return logits.to(_weight_type(model))
 
 
 def _weight_type(model: Any) -> torch.dtype:

@@ -158,7 +158,7 @@ def _layout(run: Run) -> Layout:
 
 
 def _take_step(run: Run, step: Step, fraction: float) -> tuple[float, ...]:
-    """One optimisation step; returns the sums of the two losses, of right choices and of the loss of atoms' targets."""
+    """One optimisation step; returns the sums of the two losses, of right choices and of the loss of what is told."""
     train = run.config.train
     torch.manual_seed(hash((run.config.seed, run.progress.step, run.accelerator.process_index)))  # dropout
     sums = torch.zeros(4, dtype=torch.float64, device=run.accelerator.device)

@@ -256,8 +256,9 @@ class TrainConfig:
     mc_start: float = 0.0
     """Share of the run after which negatives come along."""
     goal_weight: float = 0.0
-    """Weight of what each atom of a state is to the goal, which the layers are told half-way; read where the layout
-    spells states out (`tokenizer.layout=report`) in canonical or typed words, by GPT-2s. 0 tells them nothing."""
+    """Weight of what the layers are told of states and goals while they train: what each atom is to the goal, and what
+    the goal still lacks. Only for GPT-2s on canonical or typed words, where the layout spells states out
+    (`tokenizer.layout=report`); 0 tells nothing."""
     own_steps: int = 0
     """Training prompts that the model's own steps are drawn for once `mc_start` is reached: from then on the second
     head learns to say of a single step whether it holds. 0: it tells records from their negatives."""
