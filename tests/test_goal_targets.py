@@ -125,7 +125,7 @@ def test_changes_have_no_targets(data: Path, layout: Any) -> None:
     assert GoalReader.of(CanonicalTokenizer.of_data(data, 32, layout)) is None
 
 
-READER = GoalReader(goal=2, init=3, state=5, others=(0, 1, 4), negation=6, strange=(7,), first_slot=20, end=0)
+READER = GoalReader(2, 3, 5, frozenset(range(6)), negation=6, strange=frozenset({7}), first_slot=20, end=0)
 
 
 def read(*rows: tuple[list[int], list[int]]) -> tuple[list[tuple[int, int]], list[tuple[int, list[int]]]]:

@@ -1,10 +1,11 @@
-"""What each atom of a state is to the goal: a target that training shows a model half-way through its depth.
+"""How states stand to the goal: what training tells a model on the way through its layers.
 
 In the report's layout whether a plan is done, and what to do next, hangs on a comparison of the state just written with
-the goal, atom by atom, of which the text itself says nothing: one end token a plan, and the first word of each action.
+the goal, atom by atom, of which the text itself says nothing: one end token a plan, and the first words of each action.
 From these alone a model of minutes comes to compare late or not at all (docs/experiments.md). So while it trains, it is
-also told the result at every atom (deep supervision, Lee et al. 2015): whether the goal wants the atom, wants it gone,
-or does not speak of it. The text and the model stay what they are; nothing of it is left at generation.
+also told the results (deep supervision, Lee et al. 2015): at every atom of a state whether the goal wants it, wants it
+gone or does not speak of it, and after every state what the goal still lacks. The text and the model stay what they
+are; nothing of it is left at generation.
 
 This module knows token ids, not models.
 """
@@ -12,15 +13,17 @@ This module knows token ids, not models.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from strips_lm.tokenizer.base import SPECIAL
 from strips_lm.tokenizer.canonical import CanonicalTokenizer
 from strips_lm.tokenizer.typed import TypedTokenizer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -51,11 +54,11 @@ class GoalReader:
     init: int
     state: int
     """The tokens before the goal's atoms, the initial state's and each later state's."""
-    others: tuple[int, ...]
-    """The other tokens that begin or end a section."""
+    marks: frozenset[int]
+    """All tokens that begin or end a section, these among them."""
     negation: int
     """The token before an atom that the goal wants gone."""
-    strange: tuple[int, ...]
+    strange: frozenset[int]
     """Tokens that stand for what is no list of atoms: a record with one of them has no targets."""
     first_slot: int
     """Tokens from here on stand for objects."""
@@ -71,10 +74,10 @@ class GoalReader:
         if words.codec.layout != "report":
             return None
         ids = words.ids
-        others = (tokenizer.start_id, tokenizer.end_id, *(ids[word] for word in ("<OBJECTS>", "<VOCAB>", "<ACTION>")))
-        strange = tuple(ids[word] for word in ("<raw>", "<whole>", "<partial>", "<unknown>"))
         goal, init, state = (ids[word] for word in ("<GOAL>", "<INIT>", "<STATE>"))
-        return cls(goal, init, state, others, ids["<not>"], strange, words.codec.first_slot, tokenizer.end_id)
+        marks = frozenset(ids[word] for word in SPECIAL) | {tokenizer.end_id}
+        strange = frozenset(ids[word] for word in ("<raw>", "<whole>", "<partial>", "<unknown>"))
+        return cls(goal, init, state, marks, ids["<not>"], strange, words.codec.first_slot, tokenizer.end_id)
 
     def targets(self, rows: Sequence[tuple[NDArray[np.integer], NDArray[np.integer]]]) -> GoalTargets:
         """The targets of (prompt, completion) rows, their places counted over the tokens of all rows in order.
@@ -82,91 +85,54 @@ class GoalReader:
         Where a row's last state is the goal to the atom, the goal is read as a whole state, which wants gone whatever
         it does not name.
         """
-        tokens = np.concatenate([part for row in rows for part in row]).astype(np.int64)
-        owner = np.repeat(np.arange(len(rows)), [len(prompt) + len(completion) for prompt, completion in rows])
-        marks = np.isin(tokens, (self.goal, self.init, self.state, *self.others))
-        section = np.maximum.accumulate(np.where(marks, np.arange(len(tokens)), 0))
-        known = ~np.isin(owner, owner[np.isin(tokens, self.strange)])
-        firsts, ends = self._atoms(tokens, section, known)
-        keys = _keys(tokens, owner, firsts, ends)
-        atoms = _Atoms(tokens, firsts, ends, keys, tokens[section[firsts]] == self.goal)
+        states: list[int] = []
+        relations: list[tuple[int, int]] = []
+        words: list[tuple[int, int]] = []
+        start = 0
+        for prompt, completion in rows:
+            tokens = [*prompt.tolist(), *completion.tolist()]
+            for last, atoms, lacking in self._told(tokens):
+                relations += [(start + place, relation) for place, relation in atoms]
+                words += [(len(states), word) for word in lacking]
+                states.append(start + last)
+            start += len(tokens)
+        atom_columns, word_columns = (np.array(part, dtype=np.int64).reshape(-1, 2).T for part in (relations, words))
+        return GoalTargets(
+            atoms=atom_columns[0],
+            relations=atom_columns[1],
+            states=np.array(states, dtype=np.int64),
+            lacking=word_columns[0],
+            words=word_columns[1],
+        )
 
-        states = np.flatnonzero(((tokens == self.init) | (tokens == self.state)) & known)
-        number = np.searchsorted(states, section[firsts[~atoms.of_goal]])
-        holds = np.zeros((len(states), atoms.distinct), dtype=np.bool_)
-        holds[number, keys[~atoms.of_goal]] = True
-        wants = np.zeros(atoms.distinct, dtype=np.bool_)
-        gone = wants.copy()
-        negated = atoms.of_goal & (tokens[firsts - 1] == self.negation)
-        wants[keys[atoms.of_goal & ~negated]] = True
-        gone[keys[negated]] = True
-        of_row = np.zeros(atoms.distinct, dtype=np.int64)
-        of_row[keys] = owner[firsts]
-        own = owner[states][:, None] == of_row
-        last = np.append(owner[states][1:] != owner[states][:-1], True)[: len(states)]
-        same = ~((holds != wants) & own).any(axis=1) & ~(gone & own).any(axis=1)
-        gone |= np.isin(of_row, owner[states[last & same]]) & ~wants
+    def _told(self, tokens: list[int]) -> Iterator[tuple[int, list[tuple[int, int]], list[int]]]:
+        """Of each state of a row its last place, (place, relation) of its atoms, and the words of what it lacks."""
+        if not self.strange.isdisjoint(tokens):
+            return
+        stops = [*(place for place, token in enumerate(tokens) if token in self.marks), len(tokens)]
+        sections = [(tokens[first], first + 1, stop) for first, stop in pairwise(stops)]
+        goal = [found for mark, *ends in sections if mark == self.goal for found in self._literals(tokens, *ends)]
+        wanted = {atom for atom, positive, _ in goal if positive}
+        unwanted = {atom for atom, positive, _ in goal if not positive}
+        lists = [
+            (stop - 1, [(atom, place) for atom, _, place in self._literals(tokens, first, stop)])
+            for mark, first, stop in sections
+            if mark in (self.init, self.state)
+        ]
+        whole = bool(lists) and not unwanted and wanted == {atom for atom, _ in lists[-1][1]}
+        for last, listed in lists:
+            state = {atom for atom, _ in listed}
+            gone = state - wanted if whole else state & unwanted
+            atoms = [
+                (place, self.goal if atom in wanted else self.negation if atom in gone else self.state)
+                for atom, place in listed
+            ]
+            lacking = {word for atom in (wanted - state) | gone for word in atom}
+            yield last, atoms, sorted(lacking | {self.negation} if gone else lacking) or [self.end]
 
-        target = np.where(wants, self.goal, np.where(gone, self.negation, self.state))[keys]
-        lacks = own & np.where(holds, gone, wants)
-        lacking, words = self._words(atoms, lacks, gone)
-        stops = np.append(np.flatnonzero(marks), len(tokens))
-        state_places = stops[np.searchsorted(stops, states, side="right")] - 1
-        said = ~atoms.of_goal
-        return GoalTargets(ends[said] - 1, target[said], state_places, lacking, words)
-
-    def _atoms(
-        self, tokens: NDArray[np.int64], section: NDArray[np.int64], known: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Where each atom of a goal or a state begins and ends, in rows that have nothing but atoms there."""
-        words = np.append(np.flatnonzero(tokens < self.first_slot), len(tokens))
-        words, ends = words[:-1], words[1:]
-        begins = np.isin(tokens[section[words]], (self.goal, self.init, self.state)) & known[words]
-        begins &= (section[words] < words) & (tokens[words] != self.negation)
-        return words[begins], ends[begins]
-
-    def _words(
-        self, atoms: _Atoms, lacks: NDArray[np.bool_], gone: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Each state's number and a word of what it lacks, once; the end token where it lacks nothing."""
-        states, keys = np.nonzero(lacks)
-        firsts = np.zeros(atoms.distinct, dtype=np.int64)
-        lengths = firsts.copy()
-        firsts[atoms.keys], lengths[atoms.keys] = atoms.firsts, atoms.ends - atoms.firsts
-        counts = lengths[keys]
-        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        owners = np.concatenate((np.repeat(states, counts), states[gone[keys]], np.flatnonzero(~lacks.any(axis=1))))
-        words = np.full(len(owners), self.end)
-        words[: len(within)] = atoms.tokens[np.repeat(firsts[keys], counts) + within]
-        words[len(within) : len(within) + int(gone[keys].sum())] = self.negation
-        base = int(words.max(initial=0)) + 1
-        return np.divmod(np.unique(owners * base + words), base)
-
-
-class _Atoms(NamedTuple):
-    """The atoms of goals and states."""
-
-    tokens: NDArray[np.int64]
-    """All tokens."""
-    firsts: NDArray[np.int64]
-    ends: NDArray[np.int64]
-    keys: NDArray[np.int64]
-    """A number for each, the same for the same atom of the same row."""
-    of_goal: NDArray[np.bool_]
-
-    @property
-    def distinct(self) -> int:
-        """How many numbers there are."""
-        return int(self.keys.max(initial=-1)) + 1
-
-
-def _keys(
-    tokens: NDArray[np.int64], owner: NDArray[np.int64], firsts: NDArray[np.int64], ends: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """A number for each atom, the same for the same atom of the same row."""
-    keys, base = owner[firsts], int(tokens.max()) + 2
-    for offset in range(int((ends - firsts).max(initial=0))):
-        inside = firsts + offset < ends
-        token = np.where(inside, tokens[np.where(inside, firsts + offset, 0)] + 1, 0)
-        keys = np.unique(keys * base + token, return_inverse=True)[1]
-    return keys
+    def _literals(self, tokens: list[int], first: int, stop: int) -> Iterator[tuple[tuple[int, ...], bool, int]]:
+        """The atoms of a list, whether each stands there as it is, not negated, and the place of its last token."""
+        heads = [p for p in range(first, stop) if tokens[p] < self.first_slot and tokens[p] != self.negation]
+        for head, after in pairwise([*heads, stop]):
+            end = after - (tokens[after - 1] == self.negation)
+            yield tuple(tokens[head:end]), tokens[head - 1] != self.negation, end - 1
