@@ -1,4 +1,4 @@
-"""The two losses of the report, as sums that add up over any cut of a step into batches.
+"""The two losses of the report and one of our own, as sums that add up over any cut of a step into batches.
 
 LM: the cross-entropy of the scored tokens, divided by the scored tokens of the whole optimisation step.
 Multiple choice: the cross-entropy over the choices of a pair, read at each choice's last token, divided by the
@@ -45,7 +45,7 @@ class Losses:
 
 
 def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32, *, compiled: bool = False) -> Losses:
-    """Both losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
+    """The losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
     tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
     tap = dict.fromkeys(_told(model), batch.input_ids) if batch.goal else None
     hidden = _hidden(

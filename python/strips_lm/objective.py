@@ -27,7 +27,7 @@ class Objective(nn.Module):
         self.dtype, self.compiled = dtype, compiled
 
     def forward(self, batch: Batch) -> Losses:
-        """Both losses of a batch, summed."""
+        """The losses of a batch, summed."""
         return batch_losses(self.model, batch, self.dtype, compiled=self.compiled)
 
 
