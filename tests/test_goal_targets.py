@@ -20,7 +20,7 @@ from strips_lm.batches import Dress, Plan, Row, build_step, collate
 from strips_lm.cli import main
 from strips_lm.config import RunConfig
 from strips_lm.dataset import open_split
-from strips_lm.goal_targets import GoalReader
+from strips_lm.goal_targets import GoalReader, GoalTargets
 from strips_lm.loss import batch_losses, weighted
 from strips_lm.tokenizer.canonical import CanonicalTokenizer
 from strips_lm.tokenizer.typed import TypedTokenizer
@@ -48,6 +48,12 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out: Path = tmp_path_factory.mktemp("data") / "set"
     assert main(["gen-data", f"--out={out}", *SMALL]) == 0
     return out
+
+
+def told(reader: GoalReader, *rows: tuple[Any, Any]) -> GoalTargets:
+    """The targets of (prompt, completion) rows, one behind the other."""
+    tokens = [np.concatenate(row) for row in rows]
+    return reader.targets(tokens, [0, *np.cumsum([len(row) for row in tokens]).tolist()[:-1]])
 
 
 def literals(text: str) -> list[str]:
@@ -88,16 +94,16 @@ def test_targets_are_what_the_texts_say(data: Path, kind: str) -> None:
     prompts, completions, legends = tokenizer.encode_records(*texts)
     styles, seen = set(), set()
     for row, prompt, completion, legend in zip(table, prompts, completions, legends, strict=True):
-        found = reader.targets([(prompt, completion)])
+        found = told(reader, (prompt, completion))
         relations, lacking = slowly(row)
-        assert [tokenizer.words[target] for target in found.relations] == relations
+        assert [tokenizer.words[target] for target in found.relations.tolist()] == relations
         said = [tokenizer.say([word], legend) for word in found.words.tolist()]
         pairs = list(zip(found.lacking.tolist(), said, strict=True))
         assert [{word for state, word in pairs if state == number} for number in range(len(lacking))] == lacking
         assert len(pairs) == len(set(pairs))
         tokens = [tokenizer.words[token] for token in (*prompt, *completion, tokenizer.end_id)]
-        assert all(tokens[place + 1] in {"<ACTION>", "<|endoftext|>"} for place in found.states)
-        assert all(tokens[place + 1] not in tokenizer.words[plain.codec.first_slot :] for place in found.atoms)
+        assert all(tokens[place + 1] in {"<ACTION>", "<|endoftext|>"} for place in found.states.tolist())
+        assert all(tokens[place + 1] not in tokenizer.words[plain.codec.first_slot :] for place in found.atoms.tolist())
         styles.add(row["goal_style"])
         seen.update(relations, *lacking)
     assert len(styles) > 1
@@ -107,12 +113,12 @@ def test_targets_are_what_the_texts_say(data: Path, kind: str) -> None:
 def test_rows_are_read_as_if_alone(data: Path) -> None:
     records, reader = some_rows(data)
     rows = [(prompt, plan) for prompt, plan, _ in records]
-    together, start, first = reader.targets(rows), 0, 0
+    together, start, first = told(reader, *rows), 0, 0
     for prompt, plan in rows:
-        alone, places = reader.targets([(prompt, plan)]), range(start, start + len(prompt) + len(plan))
+        alone, places = told(reader, (prompt, plan)), range(start, start + len(prompt) + len(plan))
         for name in ("atoms", "states"):
-            assert [p - start for p in getattr(together, name) if p in places] == getattr(alone, name).tolist()
-        atoms = np.isin(together.atoms, places)
+            assert [p - start for p in getattr(together, name).tolist() if p in places] == getattr(alone, name).tolist()
+        atoms = torch.isin(together.atoms, torch.tensor(places))
         assert together.relations[atoms].tolist() == alone.relations.tolist()
         words = (together.lacking >= first) & (together.lacking < first + len(alone.states))
         assert (together.lacking[words] - first).tolist() == alone.lacking.tolist()
@@ -130,7 +136,7 @@ READER = GoalReader(2, 3, 5, frozenset(range(6)), negation=6, strange=frozenset(
 
 def read(*rows: tuple[list[int], list[int]]) -> tuple[list[tuple[int, int]], list[tuple[int, list[int]]]]:
     """(place, relation) of each atom, (place, words of what is lacking) of each state."""
-    found = READER.targets([(np.array(a, dtype=np.uint16), np.array(b, dtype=np.uint16)) for a, b in rows])
+    found = told(READER, *((np.array(a, dtype=np.uint16), np.array(b, dtype=np.uint16)) for a, b in rows))
     lacking = [found.words[found.lacking == number].tolist() for number in range(len(found.states))]
     return list(zip(found.atoms.tolist(), found.relations.tolist(), strict=True)), list(
         zip(found.states.tolist(), lacking, strict=True)
@@ -192,7 +198,7 @@ def plainly(model: Any, records: list[tuple[Any, Any, Any]], reader: GoalReader)
             model.lm_head(model.transformer.ln_f(layers[at]))[0].log_softmax(-1)
             for at in (LAYERS // 2, 3 * LAYERS // 4)
         )
-        goal = reader.targets([(prompt, plan)])
+        goal = told(reader, (prompt, plan))
         found = found - sum(half[place, target] for place, target in zip(goal.atoms, goal.relations, strict=True))
         for number, place in enumerate(goal.states):
             words = goal.words[goal.lacking == number]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import torch
@@ -25,23 +25,8 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from strips_lm.dataset import PlanDataset, StepPool
-    from strips_lm.goal_targets import GoalReader
+    from strips_lm.goal_targets import GoalReader, GoalTargets
     from strips_lm.spelling import Spelling
-
-
-class GoalLabels(NamedTuple):
-    """`GoalTargets` of a batch's scored rows; places are flat indices into its tokens."""
-
-    atoms: Tensor
-    """(atoms,)"""
-    relations: Tensor
-    """(atoms,)"""
-    states: Tensor
-    """(states,)"""
-    lacking: Tensor
-    """(words,)"""
-    words: Tensor
-    """(words,)"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,16 +49,15 @@ class Batch:
     """(pairs, choices) flat indices of each choice's last token; the positive comes first."""
     mc_labels: Tensor
     """(pairs,) which choice is the positive: always 0."""
-    goal: GoalLabels | None = None
-    """What the layers are told of goals, if anything."""
+    goal: GoalTargets | None = None
+    """What the layers are told of goals, if anything; places are flat indices into the tokens."""
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on another device."""
         parts = {field.name: getattr(self, field.name) for field in fields(self)}
         moved: dict[str, Any] = {name: part.to(device) for name, part in parts.items() if torch.is_tensor(part)}
-        if self.goal is not None:
-            moved["goal"] = GoalLabels(*(part.to(device) for part in self.goal))
-        return replace(self, **moved)
+        goal = None if self.goal is None else self.goal.to(device)
+        return replace(self, **moved, goal=goal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,19 +136,14 @@ def collate(
         lm_labels=_long(labels),
         mc_token_ids=torch.tensor(last, dtype=torch.long).reshape(len(pairs), -1 if pairs else 0),
         mc_labels=torch.zeros(len(pairs), dtype=torch.long),
-        goal=_goal_labels(rows, starts, reader) if reader is not None else None,
+        goal=_goal_targets(rows, starts, reader) if reader is not None else None,
     )
 
 
-def _goal_labels(rows: Sequence[Row], starts: NDArray[np.int64], reader: GoalReader) -> GoalLabels | None:
+def _goal_targets(rows: Sequence[Row], starts: NDArray[np.int64], reader: GoalReader) -> GoalTargets | None:
     """What the layers are told of a batch's goals; scored rows lie whole in its tokens."""
     scored = [index for index, row in enumerate(rows) if row.scored]
-    if not scored:
-        return None
-    found = reader.targets([(rows[index].prompt, rows[index].completion) for index in scored])
-    places = np.concatenate([np.arange(len(rows[index])) + starts[index] for index in scored])
-    parts = (places[found.atoms], found.relations, places[found.states], found.lacking, found.words)
-    return GoalLabels(*map(torch.from_numpy, parts))
+    return reader.targets([rows[index].tokens for index in scored], starts[scored].tolist()) if scored else None
 
 
 def _borrowed(rows: Sequence[Row], pairs: Sequence[Sequence[int]]) -> list[int]:

@@ -50,14 +50,14 @@ def hidden_at(
     blocks: Blocks = (),
     borrowed: Sequence[int] = (),
     compiled: bool = False,
-    tap: dict[int, Tensor] | None = None,
+    inputs: list[Tensor] | None = None,
 ) -> Tensor:
     """Final hidden states (len(at), width) of the positions `at`, indices into the flattened tokens.
 
     The tokens are (rows, length), or flat in `blocks` of such tables. Before its own tokens a row has as many as it
     `borrowed`: the first of the last row before it that borrowed none. `compiled` runs the layers compiled where
-    gradients are recorded. A `tap` gets what goes into the layers that it
-    names, (tokens or more, width) each.
+    gradients are recorded. What goes into each layer, (tokens or more, width),
+    is appended to `inputs`.
     """
     blocks = blocks or (tuple(input_ids.shape),)
     scored = len(at)
@@ -67,8 +67,8 @@ def hidden_at(
     sides = compiled_sides() if compiled and torch.is_grad_enabled() else Sides(_before, _after)
     rows = Rows.of(transformer, hidden, blocks, borrowed)
     for index, block in enumerate(transformer.h):
-        if tap is not None and index in tap:
-            tap[index] = hidden
+        if inputs is not None:
+            inputs.append(hidden)
         attended = attend(block.attn, sides.before(block, hidden), rows)
         if index == last:
             attended, hidden = attended[at], hidden[at]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-import numpy as np
+import torch
 
 from strips_lm.tokenizer.base import SPECIAL
 from strips_lm.tokenizer.canonical import CanonicalTokenizer
@@ -25,25 +25,31 @@ from strips_lm.tokenizer.typed import TypedTokenizer
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
+    from torch import Tensor
 
     from strips_lm.tokenizer import PlanTokenizer
 
 
 class GoalTargets(NamedTuple):
-    """What a model is told; words are tokens that the layout has anyway."""
+    """What a model is told of the states of some rows; words are tokens that the layout has anyway."""
 
-    atoms: NDArray[np.int64]
-    """The place of the last token of each atom of each state, the initial one included."""
-    relations: NDArray[np.int64]
-    """`<GOAL>` if the goal wants the atom, `<not>` if it wants the atom gone, `<STATE>` if it does not speak of it."""
-    states: NDArray[np.int64]
-    """The place of the last token of each state."""
-    lacking: NDArray[np.int64]
-    """For each of `words`, the number of its state in `states`, ascending."""
-    words: NDArray[np.int64]
-    """The words of what the goal still lacks after a state, each once: those of the atoms that it wants and has not,
-    those of the atoms that it has and wants gone, with `<not>`; the end token where it lacks nothing."""
+    atoms: Tensor
+    """(atoms,) the place of the last token of each atom of each state, the initial one included."""
+    relations: Tensor
+    """(atoms,) `<GOAL>` if the goal wants the atom, `<not>` if gone, `<STATE>` if it does not speak of it."""
+    states: Tensor
+    """(states,) the place of the last token of each state."""
+    lacking: Tensor
+    """(words,) the number of each word's state in `states`, ascending."""
+    words: Tensor
+    """(words,) the words of what the goal still lacks after a state, each once: those of the atoms that it wants and
+    has not, those of the atoms that it has and wants gone, with `<not>`; the end token where it lacks nothing."""
+
+    def to(self, device: torch.device) -> GoalTargets:
+        """The same on another device."""
+        return GoalTargets(*(part.to(device) for part in self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,31 +85,22 @@ class GoalReader:
         strange = frozenset(ids[word] for word in ("<raw>", "<whole>", "<partial>", "<unknown>"))
         return cls(goal, init, state, marks, ids["<not>"], strange, words.codec.first_slot, tokenizer.end_id)
 
-    def targets(self, rows: Sequence[tuple[NDArray[np.integer], NDArray[np.integer]]]) -> GoalTargets:
-        """The targets of (prompt, completion) rows, their places counted over the tokens of all rows in order.
+    def targets(self, rows: Sequence[NDArray[np.integer]], starts: Sequence[int]) -> GoalTargets:
+        """The targets of records whose first tokens are at the places `starts`.
 
-        Where a row's last state is the goal to the atom, the goal is read as a whole state, which wants gone whatever
-        it does not name.
+        Where a record's last state is the goal to the atom, the goal is read as a whole state, which wants gone
+        whatever it does not name.
         """
+        atoms: list[tuple[int, int]] = []
         states: list[int] = []
-        relations: list[tuple[int, int]] = []
         words: list[tuple[int, int]] = []
-        start = 0
-        for prompt, completion in rows:
-            tokens = [*prompt.tolist(), *completion.tolist()]
-            for last, atoms, lacking in self._told(tokens):
-                relations += [(start + place, relation) for place, relation in atoms]
+        for row, start in zip(rows, starts, strict=True):
+            for last, relations, lacking in self._told(row.tolist()):
+                atoms += [(start + place, relation) for place, relation in relations]
                 words += [(len(states), word) for word in lacking]
                 states.append(start + last)
-            start += len(tokens)
-        atom_columns, word_columns = (np.array(part, dtype=np.int64).reshape(-1, 2).T for part in (relations, words))
-        return GoalTargets(
-            atoms=atom_columns[0],
-            relations=atom_columns[1],
-            states=np.array(states, dtype=np.int64),
-            lacking=word_columns[0],
-            words=word_columns[1],
-        )
+        of_atoms, of_states = (torch.tensor(pairs, dtype=torch.long).reshape(-1, 2).T for pairs in (atoms, words))
+        return GoalTargets(of_atoms[0], of_atoms[1], torch.tensor(states, dtype=torch.long), of_states[0], of_states[1])
 
     def _told(self, tokens: list[int]) -> Iterator[tuple[int, list[tuple[int, int]], list[int]]]:
         """Of each state of a row its last place, (place, relation) of its atoms, and the words of what it lacks."""

@@ -21,9 +21,12 @@ from strips_lm.forward import final_norm, hidden_at, rounded
 from strips_lm.lstm import LstmLMHeadModel
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torch import Tensor
 
-    from strips_lm.batches import Batch, GoalLabels
+    from strips_lm.batches import Batch
+    from strips_lm.goal_targets import GoalTargets
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +50,11 @@ class Losses:
 def batch_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32, *, compiled: bool = False) -> Losses:
     """The losses of one batch, summed; the multiple-choice sum is zero for models without that head."""
     tokens, pairs = len(batch.lm_positions), len(batch.mc_labels)
-    tap = dict.fromkeys(_told(model), batch.input_ids) if batch.goal else None
-    hidden = _hidden(
-        model, batch, torch.cat((batch.lm_positions, batch.mc_token_ids.flatten())), dtype, compiled, tap=tap
-    )
+    at = torch.cat((batch.lm_positions, batch.mc_token_ids.flatten()))
+    inputs: list[Tensor] = []
+    hidden = _hidden(model, batch, at, dtype, compiled, inputs=inputs if batch.goal else None)
     lm = _lm_losses(model, hidden[:tokens], batch.lm_labels).sum()
-    goal = _goal_loss(model, tap, batch.goal) if tap and batch.goal else lm.new_zeros(())
+    goal = _goal_loss(model, inputs, batch.goal) if batch.goal else lm.new_zeros(())
     if pairs == 0:
         return Losses(lm, _idle_head(model, lm), tokens, 0, lm.new_zeros(()), goal)
     logits = model.multiple_choice_head.summary(hidden[tokens:].to(_weight_type(model))).view(pairs, -1)
@@ -66,23 +68,17 @@ def token_losses(model: Any, batch: Batch, dtype: torch.dtype = torch.float32) -
     return _lm_losses(model, _hidden(model, batch, batch.lm_positions, dtype, compiled=False), batch.lm_labels)
 
 
-def _goal_loss(model: Any, tap: dict[int, Tensor], goal: GoalLabels) -> Tensor:
+def _goal_loss(model: Any, inputs: Sequence[Tensor], goal: GoalTargets) -> Tensor:
     """The summed losses (nats) of what the layers are told, which they say by the language model's own head.
 
     Of an atom what it is to the goal, half-way: a cross-entropy. Of a state what the goal lacks after it, three
     quarters of the way, with atoms told: the divergence from a uniform draw among the words, which is zero at best.
     """
-    half, late = _told(model)
-    relations = _lm_losses(model, final_norm(model.transformer, tap[half][goal.atoms]), goal.relations).sum()
-    chances = _logits(model, final_norm(model.transformer, tap[late][goal.states])).log_softmax(-1)
+    half, late = inputs[len(inputs) // 2], inputs[3 * len(inputs) // 4]
+    relations = _lm_losses(model, final_norm(model.transformer, half[goal.atoms]), goal.relations).sum()
+    chances = _logits(model, final_norm(model.transformer, late[goal.states])).log_softmax(-1)
     counts = goal.lacking.bincount(minlength=len(goal.states)).to(chances.dtype)[goal.lacking]
     return relations - ((chances[goal.lacking, goal.words] + counts.log()) / counts).sum()
-
-
-def _told(model: Any) -> tuple[int, int]:
-    """The layers before which atoms and states are told."""
-    layers = len(model.transformer.h)
-    return layers // 2, 3 * layers // 4
 
 
 def _idle_head(model: Any, lm: Tensor) -> Tensor:
@@ -112,13 +108,13 @@ def weighted(
 
 
 def _hidden(
-    model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool, *, tap: dict[int, Tensor] | None = None
+    model: Any, batch: Batch, at: Tensor, dtype: torch.dtype, compiled: bool, *, inputs: list[Tensor] | None = None
 ) -> Tensor:
     if isinstance(model, LstmLMHeadModel):
         return model.hidden_at(batch.input_ids, at)
     ids, places, blocks, borrowed = batch.input_ids, batch.position_ids, batch.blocks, batch.borrowed
     return hidden_at(
-        model.transformer, ids, places, at, dtype, blocks=blocks, borrowed=borrowed, compiled=compiled, tap=tap
+        model.transformer, ids, places, at, dtype, blocks=blocks, borrowed=borrowed, compiled=compiled, inputs=inputs
     )
 
 
