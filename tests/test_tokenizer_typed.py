@@ -124,8 +124,11 @@ def test_slots_are_renumbered_within_their_type() -> None:
 
 
 def test_under_the_mask_the_automaton_of_plain_words_is_followed(questions: Questions) -> None:  # noqa: F811
-    words, rng = typed(), random.Random(0)
-    plain = words.slotted
+    check_that_the_automaton_of_plain_words_is_followed(typed(), questions)
+
+
+def check_that_the_automaton_of_plain_words_is_followed(words: TypedTokenizer, questions: Questions) -> None:  # noqa: F811
+    plain, rng = words.slotted, random.Random(0)
     ids, legends = words.encode_prompts(questions.prompts)
     guide = oracle_guide(words, legends, questions.oracle())
     twin = oracle_guide(plain, plain.encode_prompts(questions.prompts)[1], questions.oracle())

@@ -512,6 +512,8 @@ class CanonicalCodec:
     @property
     def first_slot(self) -> int:
         """The id of slot 0; slot `n` is `n` more."""
+    def word_of(self, name: str) -> int | None:
+        """The id of the word for a type, an action or a predicate of that name; `None` where there is none of it."""
     def encode(
         self,
         texts: Sequence[str],

@@ -152,7 +152,8 @@ class TokenizerConfig:
     max_slots: int = 32
     """`canonical`, `typed`: slots for objects; a problem with more of them cannot be tokenized."""
     type_slots: int = 24
-    """`typed`: slots for objects of one type; a problem with more of them cannot be tokenized."""
+    """`typed`: slots for objects of one type, or of one kind where a domain without types says kinds by predicates; a
+    problem with more of them cannot be tokenized."""
 
     def __post_init__(self) -> None:
         check(self.vocab_size >= 300, "`tokenizer.vocab_size` must be at least 300: 256 bytes and the special tokens")

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import copy
 import json
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -68,9 +67,23 @@ class CanonicalTokenizer:
     def type_words(self) -> list[int]:
         """The words of all types of its domains, each once."""
         names = [name for domain in json.loads(self.codec.to_json())["domains"] for name in domain["types"]]
-        # The codec tells a type called like a slot from it by an apostrophe.
-        words = [f"{name}'" if re.fullmatch(r"o\d+", name) else name for name in names]
-        return list(dict.fromkeys(self.ids[word] for word in words))
+        return list(dict.fromkeys(self._words_of(names)))
+
+    def kind_predicates(self) -> list[list[int]]:
+        """Of each of its domains that has no types, the words of the predicates that say what an object is.
+
+        These are the predicates of one argument that no action changes, in the domain's order.
+        """
+        return [
+            self._words_of([p["name"] for p in domain["predicates"] if p["arity"] == 1 and not p["fluent"]])
+            if domain["types"] == ["object"]
+            else []
+            for domain in json.loads(self.codec.to_json())["domains"]
+        ]
+
+    def _words_of(self, names: Sequence[str]) -> list[int]:
+        words = [self.codec.word_of(name) for name in names]
+        return [word for word in words if word is not None]
 
     def of_domain(self, domain: _native.Domain) -> Self:
         """The same tokens for texts of one of the domains.

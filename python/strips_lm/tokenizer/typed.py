@@ -5,12 +5,16 @@ once, in `<OBJECTS>`, and a model has to look it up at every mention; here every
 within their type in the order of `<OBJECTS>`, which then lists the slots alone. Objects that no `<OBJECTS>` gives a
 type keep the plain slots, so that texts without one have the same tokens as in plain canonical words.
 
+Many a published domain has no types, and says with predicates that nothing changes what is what: `(room ?r)`,
+`(ball ?b)`. Where a text calls every object an `object`, the slot says the rarest of these that holds of the object.
+
 All else is the canonical tokenizer's: this one exchanges words for words, by a table that each prompt gives.
 """
 
 from __future__ import annotations
 
 import copy
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -39,6 +43,8 @@ class TypedLegend:
     """The token of each canonical word, slots included."""
     words: NDArray[np.int32]
     """The canonical word of each token; a slot that is no object's is a word beyond all slots."""
+    listed_as: int | None = None
+    """The word that `<OBJECTS>` has for the type of every object, where slots say something else."""
 
     @property
     def names(self) -> list[str]:
@@ -49,11 +55,16 @@ class TypedLegend:
 class TypedTokenizer(OfWords):
     """A `PlanTokenizer` over canonical words with slots by type."""
 
-    def __init__(self, plain: CanonicalTokenizer, type_slots: int) -> None:
-        """Give each canonical word, plain slots included, its id, and `type_slots` slots of each type the next ones."""
-        self.slotted, self.type_slots = plain, type_slots
+    def __init__(self, plain: CanonicalTokenizer, type_slots: int, *, by_predicate: bool = True) -> None:
+        """Give each canonical word, plain slots included, its id, and `type_slots` slots of each type the next ones.
+
+        With `by_predicate` the predicates of a domain without types that say what an object is count as types.
+        """
+        self.slotted, self.type_slots, self.by_predicate = plain, type_slots, by_predicate
         self.first_slot, self.first_typed = plain.codec.first_slot, plain.vocab_size
-        kinds = plain.type_words()
+        self.predicates = plain.kind_predicates() if by_predicate else [[] for _ in plain.domains]
+        """Of each domain the words of the predicates that count as types, in the domain's order."""
+        kinds = list(dict.fromkeys([*plain.type_words(), *(word for words in self.predicates for word in words)]))
         self.words = [
             *plain.words,
             *(f"{plain.words[kind]}#{number}" for kind in kinds for number in range(type_slots)),
@@ -64,7 +75,7 @@ class TypedTokenizer(OfWords):
         self.kinds = np.repeat(np.array(kinds, dtype=np.int32), type_slots)
         """The type's word of each slot by type."""
         self.slots = (*plain.slots, *((first, type_slots) for first in self.blocks.values()))
-        self.objects = plain.ids["<OBJECTS>"]
+        self.objects, self.init, self.object = (plain.ids[word] for word in ("<OBJECTS>", "<INIT>", "object"))
         self.same = np.arange(self.vocab_size, dtype=np.int32)
 
     @classmethod
@@ -75,14 +86,16 @@ class TypedTokenizer(OfWords):
     @classmethod
     def load(cls, folder: str | Path) -> TypedTokenizer:
         """The tokenizer that `save_pretrained` wrote."""
-        return cls(CanonicalTokenizer.load(folder), int(read_settings(folder)["type_slots"]))
+        settings = read_settings(folder)
+        by_predicate = bool(settings.get("by_predicate", False))  # Models of before have no such slots.
+        return cls(CanonicalTokenizer.load(folder), int(settings["type_slots"]), by_predicate=by_predicate)
 
     def save_pretrained(self, folder: str | Path) -> None:
         """Writes transformers' files, the codec and our settings."""
         self.hf.save_pretrained(folder)
         (Path(folder) / CODEC).write_text(self.slotted.codec.to_json(), encoding="utf-8")
         sizes = {"max_slots": self.slotted.max_slots, "type_slots": self.type_slots}
-        write_settings(folder, {"kind": "typed", **sizes})
+        write_settings(folder, {"kind": "typed", **sizes, "by_predicate": self.by_predicate})
 
     def of_domain(self, domain: Domain) -> Self:
         """The same tokens for texts of one of the domains.
@@ -139,21 +152,23 @@ class TypedTokenizer(OfWords):
             TokenizerError: there are more objects of a type than slots.
         """
         tokens, words = self.same[: self.first_typed].copy(), self.same.copy()
+        listed = self._listed(prompt)
+        said = self._said(prompt) if listed and all(kind == self.object for _, kind in listed) else {}
         counts: dict[int, int] = {}
-        for slot, kind in self._listed(prompt):
+        for slot, kind in ((slot, said.get(slot, kind)) for slot, kind in listed):
             first = self.blocks.get(kind)
             if first is None:
                 continue
             number = counts[kind] = counts.get(kind, -1) + 1
             if number >= self.type_slots:
-                raise TokenizerError(self._too_many(prompt, kind))
+                raise TokenizerError(self._too_many([said.get(slot, kind) for slot, kind in listed], kind))
             # The plain slot is no object's now.
             tokens[slot], words[slot] = first + number, slot + self.slotted.max_slots
             words[first + number] = slot
-        return TypedLegend(plain, tokens, words)
+        return TypedLegend(plain, tokens, words, self.object if said else None)
 
-    def _too_many(self, prompt: Ids, kind: int) -> str:
-        objects = sum(other == kind for _, other in self._listed(prompt))
+    def _too_many(self, kinds: Sequence[int], kind: int) -> str:
+        objects = kinds.count(kind)
         hint = f"hint: train with `tokenizer.type_slots` of {objects} or more"
         few = f"and the tokenizer has {self.type_slots} slots of a type"
         return f"a text with {objects} objects of type `{self.words[kind]}`, {few}\n{hint}"
@@ -162,6 +177,24 @@ class TypedTokenizer(OfWords):
         """The slots that `<OBJECTS>` lists in canonical words, each with the word after it, its type's."""
         row = self._object_words(prompt)
         return [(word, row[at + 1]) for at, word in enumerate(row[:-1]) if word >= self.first_slot > row[at + 1]]
+
+    def _said(self, prompt: Ids) -> dict[int, int]:
+        """Of each slot that a predicate counting as a type holds of in `<INIT>`, the rarest such; the last of several.
+
+        The rarest, as domains without types say `(locatable x)`, `(truck x)` of one object and mean the latter.
+        """
+        predicates = self.predicates[self.slotted.domain or 0]
+        row = [*prompt.tolist(), self.end_id] if predicates else []
+        begin = row.index(self.init) + 1 if self.init in row else len(row)
+        end = next((at for at in range(begin, len(row)) if row[at] <= len(SPECIAL)), begin)
+        atoms = {
+            (row[at], row[at + 1])
+            for at in range(begin, end)
+            if row[at] in predicates and row[at + 1] >= self.first_slot > row[at + 2]
+        }
+        counts = Counter(predicate for predicate, _ in atoms)
+        common_first = sorted(atoms, key=lambda atom: (-counts[atom[0]], predicates.index(atom[0])))
+        return {slot: predicate for predicate, slot in common_first}
 
     def _object_words(self, row: Sequence[int] | Ids) -> list[int]:
         """What stands between `<OBJECTS>`, with which a prompt goes on after its first token, and the next marker."""
@@ -188,6 +221,8 @@ class TypedTokenizer(OfWords):
         for token in tokens[2 : 2 + length]:
             listed.append(int(legend.words[token]))
             if token >= self.first_typed:
-                listed.append(int(self.kinds[token - self.first_typed]))
+                listed.append(
+                    int(self.kinds[token - self.first_typed]) if legend.listed_as is None else legend.listed_as
+                )
         rest = legend.words[tokens[2 + length :]].tolist() if len(tokens) > 2 + length else []
         return [*tokens[:2], *listed, *rest]

@@ -120,3 +120,22 @@ proptest! {
         agree(seed, Features::ADL);
     }
 }
+
+/// Time is what this tests: what is quadratic or worse in the number of types would not come to an end.
+#[test]
+fn a_long_chain_of_types_is_grounded() {
+    let chain = (1..20_000).map(|n| format!("t{n} - t{}", n - 1)).collect::<Vec<_>>().join(" ");
+    let text = format!(
+        "(define (domain d) (:types t0 - object {chain} other) (:predicates (p ?x - t0) (q ?x - t10000))
+         (:action a :parameters (?x - t10000) :precondition (p ?x) :effect (q ?x)))"
+    );
+    let source = Source::new("chain", text);
+    let domain = Arc::new(parse_domain(&source).unwrap_or_else(|error| panic!("{error}")));
+    let text = "(define (problem e) (:domain d) (:objects low - t19999 high - t9999 far - other)
+                (:init (p low) (p high)) (:goal (q low)))";
+    let problem = parse_problem(&Source::new("problem", text), &domain, Some(&source));
+    let problem = Arc::new(problem.unwrap_or_else(|error| panic!("{error}")));
+    let task = ground(domain, problem, &Limits::default()).expect("within limits");
+    let names: Vec<_> = (0..task.operators.len()).map(|index| task.operator_name(index.into())).collect();
+    assert_eq!(names, ["(a low)"]);
+}

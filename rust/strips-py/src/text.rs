@@ -181,6 +181,11 @@ impl CanonicalCodec {
         self.core.vocabulary().first_slot()
     }
 
+    /// The id of the word for a type, an action or a predicate of that name; `None` where there is none of it.
+    fn word_of(&self, name: &str) -> Option<u32> {
+        self.core.vocabulary().id_of_name(name)
+    }
+
     /// Words, joined by single spaces, and a legend for each text.
     #[pyo3(signature = (texts, words = None, names = None, goal_styles = None, domains = None))]
     fn encode(

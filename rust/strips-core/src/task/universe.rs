@@ -22,44 +22,45 @@ impl Candidates {
 /// Answers which objects belong to a type.
 pub(super) struct Universe<'a> {
     problem: &'a Problem,
-    /// For each type, itself and everything that it is a kind of.
-    ancestors: Vec<Vec<TypeId>>,
+    /// For each type, those that name it as their supertype.
+    children: Vec<Vec<TypeId>>,
 }
 
 impl<'a> Universe<'a> {
     pub fn new(domain: &Domain, problem: &'a Problem) -> Self {
-        Self { problem, ancestors: (0..domain.types.len()).map(|index| ancestors(domain, index.into())).collect() }
+        let mut children = vec![Vec::new(); domain.types.len()];
+        for (index, kind) in domain.types.iter().enumerate() {
+            for parent in &kind.parents {
+                children[parent.index()].push(index.into());
+            }
+        }
+        Self { problem, children }
     }
 
-    /// The objects that belong to at least one of the types.
+    /// The objects that belong to at least one of the types; to `object` all do, whatever the file says.
     pub fn candidates(&self, wanted: &[TypeId]) -> Candidates {
-        let is_wanted = |kind: &TypeId| self.ancestors[kind.index()].iter().any(|ancestor| wanted.contains(ancestor));
+        let kinds = self.kinds(wanted);
+        let is_wanted = |kind: &TypeId| kinds[kind.index()];
         let member: Arc<[bool]> =
             self.problem.objects.iter().map(|object| object.types.iter().any(is_wanted)).collect();
         let list = (0..member.len() as u32).filter(|&object| member[object as usize]).collect();
         Candidates { list, member }
     }
 
+    /// Which types are one of those or below it. Linear in the number of types: a chain of them may be long.
+    fn kinds(&self, wanted: &[TypeId]) -> Vec<bool> {
+        let mut kinds = vec![wanted.contains(&TypeId::OBJECT); self.children.len()];
+        let mut open = wanted.to_vec();
+        while let Some(kind) = open.pop() {
+            if !std::mem::replace(&mut kinds[kind.index()], true) {
+                open.extend(&self.children[kind.index()]);
+            }
+        }
+        kinds
+    }
+
     /// What each of the parameters ranges over.
     pub fn scope(&self, parameters: &[Parameter]) -> Vec<Candidates> {
         parameters.iter().map(|parameter| self.candidates(&parameter.types)).collect()
     }
-}
-
-/// The type itself and all it is a kind of; `object` is one of them whatever the file says.
-fn ancestors(domain: &Domain, kind: TypeId) -> Vec<TypeId> {
-    let mut found = vec![kind];
-    let mut next = 0;
-    while next < found.len() {
-        for &parent in &domain.types[found[next].index()].parents {
-            if !found.contains(&parent) {
-                found.push(parent);
-            }
-        }
-        next += 1;
-    }
-    if !found.contains(&TypeId::OBJECT) {
-        found.push(TypeId::OBJECT);
-    }
-    found
 }

@@ -150,6 +150,11 @@ impl Vocabulary {
         self.ids.get(word).copied().or_else(|| Some(self.first_slot() + Word::from(number()?)))
     }
 
+    /// The id of the word, without a sign, of a type, an action or a predicate of that name.
+    pub fn id_of_name(&self, name: &str) -> Option<Word> {
+        self.ids.get(&plain(name)).copied()
+    }
+
     /// The slot's number, where the id is a slot's.
     pub(crate) fn slot(&self, id: Word) -> Option<u16> {
         u16::try_from(id.checked_sub(self.first_slot())?).ok()
