@@ -48,7 +48,7 @@ ODD = [
     "<|startoftext|> <OBJECTS> a object <INIT> room(a)",
     "<|startoftext|> <GOAL> lit(torch) <INIT> lamp(torch), room(hall)",
 ]
-"""A kind that nothing says, one of nobody, of two, broken off; other types, none; one object twice; no start; no list."""
+"""A kind that nothing says, of nobody, of two, broken off; other types, none; one object twice; no start; no list."""
 COMPLETIONS = [
     "<ACTION> light(torch) <STATE> thing(box), lit(torch) <|endoftext|>",
     "<ACTION> carry(box, hall, attic) <STATE> at(box, attic",
