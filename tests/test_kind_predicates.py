@@ -88,6 +88,9 @@ def test_a_slot_says_the_rarest_predicate_that_nothing_changes(tokenizer: TypedT
     words = " ".join(tokenizer.words[token] for token in [*rows[0], *rest[0]])
     assert "at crate#0 room#0" in words
     assert "<ACTION> light lamp#0 <STATE>" in words
+    told = tokenizer.slotted.codec.layout == "report"
+    assert (" room room#0" in words, " crate crate#0" in words) == (told, told), "the slot says it"
+    assert " thing crate#0 thing lamp#0" in words, "what it does not say stands there"
     assert "sealed#0" not in tokenizer.words, "what an action changes says nothing of what an object is"
     assert "beside#0" not in tokenizer.words, "nor what two objects have to do with each other"
 
@@ -105,6 +108,15 @@ def test_texts_come_back_to_the_byte(tokenizer: TypedTokenizer, prompt: str) -> 
         assert tokenizer.decode([[*rows[0], *rest[0]]], legends) == [f"{prompt} {completion}"]
         assert tokenizer.decode_completions(rows, [rest[0].tolist()], legends) == [completion]
         assert tokenizer.encode_prompts([prompt])[0][0].tolist() == rows[0].tolist()
+
+
+def test_a_text_that_is_broken_off_anywhere_is_read_as_far_as_it_goes(tokenizer: TypedTokenizer) -> None:
+    prompt = PROMPT.format(goal="lit(torch)")
+    (row,), (rest,), legends = tokenizer.encode_records([prompt], COMPLETIONS[:1])
+    whole = [*row.tolist(), *rest.tolist()]
+    texts = [tokenizer.decode([whole[:length]], legends)[0] for length in range(len(whole) + 1)]
+    assert texts[-1] == f"{prompt} {COMPLETIONS[0]}"
+    assert all(text.startswith(prompt) for text in texts[len(row) :]), "what is left out of the prompt is in each"
 
 
 def test_objects_of_a_kind_have_slots_of_their_own(tokenizer: TypedTokenizer) -> None:

@@ -6,7 +6,8 @@ within their type in the order of `<OBJECTS>`, which then lists the slots alone.
 type keep the plain slots, so that texts without one have the same tokens as in plain canonical words.
 
 Many a published domain has no types, and says with predicates that nothing changes what is what: `(room ?r)`,
-`(ball ?b)`. Where a text calls every object an `object`, the slot says the rarest of these that holds of the object.
+`(ball ?b)`. Where a text calls every object an `object`, the slot says the rarest of these that holds of the object,
+and where states are told by what changes the initial state does without this atom.
 
 All else is the canonical tokenizer's: this one exchanges words for words, by a table that each prompt gives.
 """
@@ -45,6 +46,8 @@ class TypedLegend:
     """The canonical word of each token; a slot that is no object's is a word beyond all slots."""
     listed_as: int | None = None
     """The word that `<OBJECTS>` has for the type of every object, where slots say something else."""
+    implied: tuple[tuple[int, int, int], ...] = ()
+    """Atoms that slots say and the prompt does not: place among the canonical words, predicate and slot, ascending."""
 
     @property
     def names(self) -> list[str]:
@@ -153,7 +156,8 @@ class TypedTokenizer(OfWords):
         """
         tokens, words = self.same[: self.first_typed].copy(), self.same.copy()
         listed = self._listed(prompt)
-        said = self._said(prompt) if listed and all(kind == self.object for _, kind in listed) else {}
+        atoms = self._said(prompt) if listed and all(kind == self.object for _, kind in listed) else ()
+        said = {slot: predicate for _, predicate, slot in atoms}
         counts: dict[int, int] = {}
         for slot, kind in ((slot, said.get(slot, kind)) for slot, kind in listed):
             first = self.blocks.get(kind)
@@ -165,7 +169,8 @@ class TypedTokenizer(OfWords):
             # The plain slot is no object's now.
             tokens[slot], words[slot] = first + number, slot + self.slotted.max_slots
             words[first + number] = slot
-        return TypedLegend(plain, tokens, words, self.object if said else None)
+        implied = () if self.slotted.codec.layout == "report" else tuple(sorted(atoms))
+        return TypedLegend(plain, tokens, words, self.object if said else None, implied)
 
     def _too_many(self, kinds: Sequence[int], kind: int) -> str:
         objects = kinds.count(kind)
@@ -178,23 +183,24 @@ class TypedTokenizer(OfWords):
         row = self._object_words(prompt)
         return [(word, row[at + 1]) for at, word in enumerate(row[:-1]) if word >= self.first_slot > row[at + 1]]
 
-    def _said(self, prompt: Ids) -> dict[int, int]:
-        """Of each slot that a predicate counting as a type holds of in `<INIT>`, the rarest such; the last of several.
+    def _said(self, prompt: Ids) -> list[tuple[int, int, int]]:
+        """The atoms of `<INIT>` that say what objects are: place, predicate and slot, one for each slot.
 
-        The rarest, as domains without types say `(locatable x)`, `(truck x)` of one object and mean the latter.
+        Of several the rarest predicate, as domains without types say `(locatable x)`, `(truck x)` of one object and
+        mean the latter; of equals the last.
         """
         predicates = self.predicates[self.slotted.domain or 0]
         row = [*prompt.tolist(), self.end_id] if predicates else []
         begin = row.index(self.init) + 1 if self.init in row else len(row)
         end = next((at for at in range(begin, len(row)) if row[at] <= len(SPECIAL)), begin)
-        atoms = {
-            (row[at], row[at + 1])
+        atoms = [
+            (at, row[at], row[at + 1])
             for at in range(begin, end)
             if row[at] in predicates and row[at + 1] >= self.first_slot > row[at + 2]
-        }
-        counts = Counter(predicate for predicate, _ in atoms)
-        common_first = sorted(atoms, key=lambda atom: (-counts[atom[0]], predicates.index(atom[0])))
-        return {slot: predicate for predicate, slot in common_first}
+        ]
+        counts = Counter(predicate for predicate, _ in {atom[1:] for atom in atoms})
+        common_first = sorted(atoms, key=lambda atom: (-counts[atom[1]], predicates.index(atom[1])))
+        return list({atom[2]: atom for atom in common_first}.values())
 
     def _object_words(self, row: Sequence[int] | Ids) -> list[int]:
         """What stands between `<OBJECTS>`, with which a prompt goes on after its first token, and the next marker."""
@@ -208,10 +214,11 @@ class TypedTokenizer(OfWords):
         return words
 
     def _prompt(self, row: Ids, legend: TypedLegend) -> Ids:
-        """A prompt's tokens: a slot by type does without the word for the type."""
+        """A prompt's tokens: a slot by type does without the word for the type, and without the atom that says it."""
         said = legend.tokens[row]
-        typed = said[: len(self._object_words(row)) + 1] >= self.first_typed
-        return np.delete(said, np.flatnonzero(typed) + 1) if typed.any() else said
+        typed = np.flatnonzero(said[: len(self._object_words(row)) + 1] >= self.first_typed)
+        spare = [place for at, _, _ in legend.implied for place in (at, at + 1)]
+        return np.delete(said, [*(typed + 1).tolist(), *spare]) if len(typed) or spare else said
 
     def _plain(self, row: Sequence[int], legend: TypedLegend) -> list[int]:
         """The canonical words of a row that begins with a prompt."""
@@ -225,4 +232,8 @@ class TypedTokenizer(OfWords):
                     int(self.kinds[token - self.first_typed]) if legend.listed_as is None else legend.listed_as
                 )
         rest = legend.words[tokens[2 + length :]].tolist() if len(tokens) > 2 + length else []
-        return [*tokens[:2], *listed, *rest]
+        plain = [*tokens[:2], *listed, *rest]
+        for at, predicate, slot in legend.implied:
+            if at <= len(plain):
+                plain[at:at] = predicate, slot
+        return plain
