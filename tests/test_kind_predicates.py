@@ -9,14 +9,16 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from strips_lm import _native  # noqa: E402
-from strips_lm.config import RunConfig  # noqa: E402
-from strips_lm.generate import GUIDED, Planner  # noqa: E402
+from strips_lm.generate import GUIDED  # noqa: E402
 from strips_lm.tokenizer import CanonicalTokenizer, TokenizerError, TypedTokenizer  # noqa: E402
 from strips_lm.tokenizer.base import read_settings, write_settings  # noqa: E402
-from test_masked import KEYS, Questions, untrained, untrained_lstm  # noqa: E402
+from test_masked import Questions  # noqa: E402
 from test_tokenizer_canonical import DOMAIN as TYPED_DOMAIN  # noqa: E402
 from test_tokenizer_canonical import PROMPTS as TYPED_PROMPTS  # noqa: E402
-from test_tokenizer_typed import check_that_the_automaton_of_plain_words_is_followed  # noqa: E402
+from test_tokenizer_typed import (  # noqa: E402
+    check_that_guided_texts_that_end_are_valid,
+    check_that_the_automaton_of_plain_words_is_followed,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -185,11 +187,4 @@ def test_under_the_mask_the_automaton_of_plain_words_is_followed(questions: Ques
 
 @pytest.mark.parametrize("decode", GUIDED)
 def test_guided_texts_that_end_are_valid(questions: Questions, decode: str) -> None:
-    words = of(DOMAIN)
-    for model in (untrained(3, 512, words), untrained_lstm(4, words)):
-        found = Planner(model, words, RunConfig.load(None, [*KEYS, "generate.max_new=2000"]).generate)
-        made = found.complete(questions.prompts, decode, tasks=questions.oracle())
-        for completion, judgement in zip(made.completions, questions.judge(made), strict=True):
-            assert judgement.executable_steps == judgement.steps == judgement.states_right
-            assert completion.finished == judgement.verdict.is_valid
-        assert any(completion.finished for completion in made.completions)
+    check_that_guided_texts_that_end_are_valid(of(DOMAIN), questions, decode)

@@ -150,7 +150,10 @@ def check_that_the_automaton_of_plain_words_is_followed(words: TypedTokenizer, q
 
 @pytest.mark.parametrize("decode", GUIDED)
 def test_guided_texts_that_end_are_valid(questions: Questions, decode: str) -> None:  # noqa: F811
-    words = typed()
+    check_that_guided_texts_that_end_are_valid(typed(), questions, decode)
+
+
+def check_that_guided_texts_that_end_are_valid(words: TypedTokenizer, questions: Questions, decode: str) -> None:  # noqa: F811
     for model in (untrained(3, 512, words), untrained_lstm(4, words)):
         found = Planner(model, words, RunConfig.load(None, [*KEYS, "generate.max_new=2000"]).generate)
         made = found.complete(questions.prompts, decode, tasks=questions.oracle())
