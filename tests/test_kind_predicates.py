@@ -112,6 +112,15 @@ def test_texts_come_back_to_the_byte(tokenizer: TypedTokenizer, prompt: str) -> 
         assert tokenizer.encode_prompts([prompt])[0][0].tolist() == rows[0].tolist()
 
 
+def test_what_is_said_of_an_object_that_is_not_listed_stays(tokenizer: TypedTokenizer) -> None:
+    prompt = ODD[1]
+    (row,), _ = tokenizer.encode_prompts([prompt])
+    words = " ".join(tokenizer.words[token] for token in row)
+    assert "lamp(nobody)" in prompt
+    assert " lamp o5" in words, "its slot does not say it"
+    assert said(tokenizer, prompt)[3] == "thing#0"
+
+
 def test_a_text_that_is_broken_off_anywhere_is_read_as_far_as_it_goes(tokenizer: TypedTokenizer) -> None:
     prompt = PROMPT.format(goal="lit(torch)")
     (row,), (rest,), legends = tokenizer.encode_records([prompt], COMPLETIONS[:1])

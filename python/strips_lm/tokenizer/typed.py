@@ -156,7 +156,7 @@ class TypedTokenizer(OfWords):
         """
         tokens, words = self.same[: self.first_typed].copy(), self.same.copy()
         listed = self._listed(prompt)
-        atoms = self._said(prompt) if listed and all(kind == self.object for _, kind in listed) else ()
+        atoms = self._said(prompt, listed) if all(kind == self.object for _, kind in listed) else []
         said = {slot: predicate for _, predicate, slot in atoms}
         counts: dict[int, int] = {}
         for slot, kind in ((slot, said.get(slot, kind)) for slot, kind in listed):
@@ -183,8 +183,8 @@ class TypedTokenizer(OfWords):
         row = self._object_words(prompt)
         return [(word, row[at + 1]) for at, word in enumerate(row[:-1]) if word >= self.first_slot > row[at + 1]]
 
-    def _said(self, prompt: Ids) -> list[tuple[int, int, int]]:
-        """The atoms of `<INIT>` that say what objects are: place, predicate and slot, one for each slot.
+    def _said(self, prompt: Ids, listed: Sequence[tuple[int, int]]) -> list[tuple[int, int, int]]:
+        """The atoms of `<INIT>` that say what listed objects are: place, predicate and slot, one for each slot.
 
         Of several the rarest predicate, as domains without types say `(locatable x)`, `(truck x)` of one object and
         mean the latter; of equals the last.
@@ -200,7 +200,8 @@ class TypedTokenizer(OfWords):
         ]
         counts = Counter(predicate for predicate, _ in {atom[1:] for atom in atoms})
         common_first = sorted(atoms, key=lambda atom: (-counts[atom[1]], predicates.index(atom[1])))
-        return list({atom[2]: atom for atom in common_first}.values())
+        said = {slot: (at, predicate, slot) for at, predicate, slot in common_first}
+        return [said[slot] for slot in dict(listed) if slot in said]
 
     def _object_words(self, row: Sequence[int] | Ids) -> list[int]:
         """What stands between `<OBJECTS>`, with which a prompt goes on after its first token, and the next marker."""
