@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -135,6 +136,10 @@ def test_results_come_back_as_they_were_saved(tmp_path: Path) -> None:
     results = made_up_results(tmp_path)
     results.save(tmp_path / "results.json")
     assert Results.load(tmp_path / "results.json") == results
+    saved = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    saved["models"] = [{**model, "seconds_trained": None, "steps_trained": None} for model in saved["models"]]
+    (tmp_path / "before.json").write_text(json.dumps(saved), encoding="utf-8")
+    assert Results.load(tmp_path / "before.json") == results, "fields of before that were always empty"
 
 
 def test_reproducing_looks_past_timings_and_at_the_rest(tmp_path: Path) -> None:

@@ -193,8 +193,6 @@ class Model:
     kind: str
     tokenizer: str
     parameters: int
-    seconds_trained: float | None = None
-    steps_trained: int | None = None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -238,6 +236,9 @@ class Results:
     def _from_dict(cls, found: dict[str, Any]) -> Results:
         if found.pop("format") != FORMAT:
             raise ValueError(f"the format is not {FORMAT!r}")
+        for model in found["models"]:  # What files of before have, always empty.
+            model.pop("seconds_trained", None)
+            model.pop("steps_trained", None)
         parts = {"models": Model, "scores": Score, "likelihoods": Likelihood, "invariances": Invariance}
         for name, kind in parts.items():
             found[name] = [kind(**item) for item in found.get(name, [])]
