@@ -236,7 +236,7 @@ class Results:
     def _from_dict(cls, found: dict[str, Any]) -> Results:
         if found.pop("format") != FORMAT:
             raise ValueError(f"the format is not {FORMAT!r}")
-        for model in found["models"]:  # What files of before have, always empty.
+        for model in found.get("models", []):  # What files of before have, always empty.
             model.pop("seconds_trained", None)
             model.pop("steps_trained", None)
         parts = {"models": Model, "scores": Score, "likelihoods": Likelihood, "invariances": Invariance}

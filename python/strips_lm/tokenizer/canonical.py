@@ -66,8 +66,7 @@ class CanonicalTokenizer:
 
     def type_words(self) -> list[int]:
         """The words of all types of its domains, each once."""
-        names = [name for domain in json.loads(self.codec.to_json())["domains"] for name in domain["types"]]
-        return list(dict.fromkeys(self._words_of(names)))
+        return list(dict.fromkeys(self._words_of([name for domain in _known(self.codec) for name in domain["types"]])))
 
     def kind_predicates(self) -> list[list[int]]:
         """Of each of its domains that has no types, the words of the predicates that say what an object is.
@@ -78,7 +77,7 @@ class CanonicalTokenizer:
             self._words_of([p["name"] for p in domain["predicates"] if p["arity"] == 1 and not p["fluent"]])
             if domain["types"] == ["object"]
             else []
-            for domain in json.loads(self.codec.to_json())["domains"]
+            for domain in _known(self.codec)
         ]
 
     def _words_of(self, names: Sequence[str]) -> list[int]:
@@ -224,11 +223,16 @@ def signature(domain: _native.Domain) -> Signature:
 
 def _domains(codec: _native.CanonicalCodec) -> list[tuple[str, Signature]]:
     """Name and signature of each domain that a codec knows."""
-    known = json.loads(codec.to_json())["domains"]
     return [
         (d["name"], ([(p["name"], p["arity"]) for p in d["predicates"]], [tuple(action) for action in d["actions"]]))
-        for d in known
+        for d in _known(codec)
     ]
+
+
+def _known(codec: _native.CanonicalCodec) -> list[dict[str, Any]]:
+    """What a codec knows of each domain: name, types, predicates with what changes them, actions."""
+    known: list[dict[str, Any]] = json.loads(codec.to_json())["domains"]
+    return known
 
 
 def _read(folder: Path) -> tuple[_native.Domain, str | None]:
